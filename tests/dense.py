@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from positioner.laws.nmpc.covariance import Covariance
     from positioner.optimization.qp import QuadraticProgram
 
 
@@ -34,9 +33,3 @@ def dense(program: QuadraticProgram) -> Dense:
     assert next(triangle, None) is None
     assert next(entries, None) is None
     return Dense(P, np.array(program.q), A, np.array(program.l), np.array(program.u))
-
-
-def matrix(covariance: Covariance) -> np.ndarray:
-    """Return a covariance as a matrix (5, 5) of x, v, K, F_c and F_v."""
-    names = "xvkfc"
-    return np.array([[getattr(covariance, "".join(sorted((a, b), key=names.index))) for b in names] for a in names])

@@ -20,6 +20,7 @@ from positioner.commissioning.step.procedure import StepTest
 from positioner.config.reader import parse_config
 from positioner.laws.law import Observation
 from positioner.values import replace
+from positioner.valve.credible import Limits
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,7 +44,7 @@ def make_test(preset: str, sensor: dict[str, float], law: str, period_s: float =
     known = configuration.valve
     limits = ProcedureLimits.of(known, configuration.guard)
     chosen = HoldLaw(known.travel_min_m, known.span_m) if law == "hold" else configuration.make_law()
-    loop = ClosedLoop(chosen, configuration.limits, configuration.control.table_cell_m)
+    loop = ClosedLoop(chosen, Limits(configuration.valve), configuration.control.table_cell_m)
     return StepTest(known, limits, period_s, replace(Plan.of(known, limits, is_open=law == "hold"), **plan), loop)
 
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from positioner.laws.estimator_settings import measurement_sigma_m
-from positioner.laws.quasi_static.belief import belief_of
-from positioner.laws.quasi_static.kept import taught
-from positioner.laws.quasi_static.slip import numbers_of
+from positioner.laws.nmpc.belief import belief_of
+from positioner.laws.nmpc.kept import taught
+from positioner.laws.nmpc.slip import numbers_of
 from positioner.valve.rollout import Moving, plant_of
 from positioner.valve.state import StemState
 

@@ -23,6 +23,7 @@ from positioner.laws.registry import law_names, law_problem
 from positioner.report.quantities import quantity_table
 from positioner.report.table import Table
 from positioner.values import replace
+from positioner.valve.credible import Limits
 
 if TYPE_CHECKING:
     import argparse
@@ -142,7 +143,7 @@ def step_test_of(arguments: argparse.Namespace, configuration: Configuration) ->
     limits = ProcedureLimits.of(valve, configuration.guard)
     plan = _plan(arguments, Plan.of(valve, limits, is_open=is_open), period_s)
     law = HoldLaw(valve.travel_min_m, valve.span_m) if is_open else configuration.make_law(plays=True)
-    loop = ClosedLoop(law, configuration.limits, configuration.control.table_cell_m)
+    loop = ClosedLoop(law, Limits(configuration.valve), configuration.control.table_cell_m)
     return StepTest(valve, limits, period_s, plan, loop)
 
 

@@ -22,6 +22,7 @@ from positioner.commissioning.stroke.report import as_json, compared, rows, verd
 from positioner.commissioning.stroke.result import Verdict, stroke_result
 from positioner.errors import ExitCode
 from positioner.report.quantities import quantity_table
+from positioner.valve.credible import Limits
 
 if TYPE_CHECKING:
     import argparse
@@ -70,7 +71,7 @@ def stroke_test_of(configuration: Configuration) -> StrokeTest:
         ProcedureLimits.of(configuration.valve, configuration.guard),
         configuration.stroke_test,
         control.sample_period_s,
-        ClosedLoop(configuration.make_law(plays=True), configuration.limits, control.table_cell_m),
+        ClosedLoop(configuration.make_law(plays=True), Limits(configuration.valve), control.table_cell_m),
     )
 
 

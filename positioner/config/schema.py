@@ -26,7 +26,6 @@ from positioner.laws.registry import Ingredients, is_outside, make_law
 from positioner.laws.settings import ControlSettings
 from positioner.metrics.settings import MetricsSettings
 from positioner.setpoint.settings import SetpointSettings
-from positioner.valve.credible import Limits
 from positioner.valve.parameters import ValveParameters  # noqa: TC001 - pydantic reads this hint at run time
 from positioner.wire.codec import Codec, make_codec
 from positioner.wire.settings import WireSettings
@@ -96,15 +95,9 @@ class Configuration(SettingsTable):
     @property
     def retired(self) -> tuple[str, ...]:
         """A line where the file has settings of an older version, which have no effect."""
-        keys = self.control.nmpc.lagged
-        line = f"[control.nmpc.lagged] is of an older version and has no effect; leave it out: {', '.join(keys)}"
+        keys = self.control.nmpc
+        line = f"[control.nmpc] is of an older version and has no effect; leave it out: {', '.join(keys)}"
         return (line,) if keys else ()
-
-    @property
-    def limits(self) -> Limits:
-        """The values that its law can learn; other values in a stiction table of this valve are not credible."""
-        own = self.control.nmpc
-        return Limits(self.valve, own.adaptation.least, own.adaptation.most, own.watch.ratio_most)
 
     @property
     def health_settings(self) -> HealthSettings:
@@ -134,7 +127,7 @@ class Configuration(SettingsTable):
         codec = self.make_codec()
         setpoint = self.setpoint if self.setpoint.shapes else None
         period_s, law = self.control.sample_period_s, law or self.make_law(plays=plays)
-        return Setup(codec, self.valve, self.guard, law, period_s, limits=self.limits, setpoint=setpoint)
+        return Setup(codec, self.valve, self.guard, law, period_s, setpoint=setpoint)
 
     def make_law(self, *, plays: bool = False) -> Law[Any]:
         """Return a new instance of the chosen law, with a solver of its own.

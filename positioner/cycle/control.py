@@ -99,24 +99,8 @@ def _observation(setup: Setup, state: CycleState, reading: Reading, setpoint_m: 
         setpoint_m=setpoint_m,
         time_s=time_s,
         pressure_pa=state.link.pressure_pa,
-        pending_ma=_pending_ma(state),
         pressure_is_new=reading.pressure_is_new,
     )
-
-
-def _pending_ma(state: CycleState) -> tuple[float, ...]:
-    """Return the currents of the commands that were sent after the newest one that the readings name."""
-    echo, sent = state.effect.echo, state.output.sent
-    if echo is None or not sent or sent[-1].counter == echo:
-        return ()
-    for count in range(2, min(len(sent), _MOST_PENDING + 1) + 1):
-        if sent[-count].counter == echo:
-            return tuple([command.current_ma for command in sent[1 - count :]])
-    return ()
-
-
-_MOST_PENDING = 8
-"""More commands that were sent and have not acted are no delay, but a fault."""
 
 
 def _events(decision: Decision) -> list[Event]:

@@ -17,7 +17,7 @@ def credible(setup: Setup, state: CycleState, events: list[Event]) -> StictionTa
     """Return the credible part of the table; a table from outside is checked, and what is excluded is reported."""
     if state.table is state.credible_table:
         return state.table
-    table, excluded = credible_part(_limits(setup), state.table)
+    table, excluded = credible_part(Limits(setup.valve), state.table)
     if excluded:
         first = excluded[0]
         events.append(NotBelieved(first, *_range(setup, first, table.cell_width_m), len(excluded), taught=False))
@@ -40,9 +40,5 @@ def learn(
     return table
 
 
-def _limits(setup: Setup) -> Limits:
-    return setup.limits or Limits(setup.valve)
-
-
 def _range(setup: Setup, sample: LearnedSample, cell_width_m: float) -> tuple[float, float]:
-    return _limits(setup).range_of(sample.quantity, sample.position_m, sample.direction, cell_width_m / 2.0)
+    return Limits(setup.valve).range_of(sample.quantity, sample.position_m, sample.direction, cell_width_m / 2.0)

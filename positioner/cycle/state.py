@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
     from positioner.laws.law import Law
     from positioner.setpoint.settings import SetpointSettings
-    from positioner.valve.credible import Limits
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.wire.codec import Codec
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 class Setup:
     """What never changes while a positioner runs. `learns` is off where commands never reach the valve (dry run).
 
-    limits: the range of credible samples; None for the default range of spring and friction around those of `valve`.
     testing: the law is a test procedure.
     setpoint: the setpoint functions, None where none is on.
     """
@@ -44,7 +42,6 @@ class Setup:
     law: Law[Any]
     period_s: float
     learns: bool = True
-    limits: Limits | None = None
     testing: bool = False
     setpoint: SetpointSettings | None = None
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 OFTEN_ENOUGH = 10
-"""Pushes without a bit of change; `nmpc` believes in 1.03^10 = 1.34 times the friction by then, and 1.3 is no fault."""
+"""Pushes without a bit of change. Each raises the friction that `nmpc` believes, and a third more of it is no fault."""
 LONG_ENOUGH_S = 5.0
 """The reading has stayed the same, or pushes have failed at one place, for so long meanwhile: a law that knocks frees a
 stem sooner, or not at all; one that pushes in every cycle, on readings that a sensor holds, needs some of them."""

@@ -37,7 +37,6 @@ class Observation:
     time_s: time since control began.
     pressure_pa: the measured actuator pressure, None without a sensor.
     pressure_is_new: whether it was measured with this reading, and not before.
-    pending_ma: the currents of commands that were sent after the one that acted, the oldest first: they may act yet.
     """
 
     measured_m: float
@@ -46,7 +45,6 @@ class Observation:
     setpoint_m: float
     time_s: float
     pressure_pa: float | None = None
-    pending_ma: tuple[float, ...] = ()
     pressure_is_new: bool = False
 
 

@@ -1,10 +1,9 @@
 """How often a push may fail to free the stem before the law rests, and for how long it rests. Pure.
 
-A push that fails raises the static friction that `nmpc` assumes, so that a few pushes free any stem that can be freed;
-`paper` goes on with its plan. A stem that twenty pushes do not free is jammed, or the law is wrong about it: more
-pushes only wear the actuator. The law then rests for a second, tries once, rests for twice as long, and so on up to a
-minute, until the stem has certainly moved. A setpoint at another place is pursued at once. A setpoint that only
-trembles or creeps counts as the same one.
+The law `paper` goes on with its plan where a push has failed. A stem that twenty pushes do not free is jammed, or the
+law is wrong about it: more pushes only wear the actuator. The law then rests for a second, tries once, rests for twice
+as long, and so on up to a minute, until the stem has certainly moved. A setpoint at another place is pursued at once.
+A setpoint that only trembles or creeps counts as the same one.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import math
 from positioner.values import dataclass
 
 MOST_FAILED = 20
-"""After so many failed pushes in a row the law rests; by then `nmpc` has raised F_s/F_c by 1.03^20 = 1.8."""
+"""After so many failed pushes in a row the law rests."""
 _FIRST_REST_S = 1.0
 _LONGEST_REST_S = 60.0
 _ELSEWHERE_OF_SPAN = 0.01
@@ -31,14 +30,13 @@ class Pushes:
 
     failed: those since the stem last moved or the setpoint went to another place. anchor_m: the setpoint at that time.
     rests_until_s: in the law's time. rest_s: the length of the rest that the last failure began, 0 for none.
-    unreported: whether the last failure has yet to be reported. stuck_m, sigma_m: where the stem was at the first one.
+    stuck_m, sigma_m: where the stem was at the first one.
     """
 
     failed: int = 0
     anchor_m: float | None = None
     rests_until_s: float = 0.0
     rest_s: float = 0.0
-    unreported: bool = False
     stuck_m: float = 0.0
     sigma_m: float = math.inf
 
@@ -57,7 +55,7 @@ class Pushes:
         if moved:
             return Pushes(anchor_m=self.anchor_m)
         if self.has_moved(rest_m, sigma_m):
-            return Pushes(1, self.anchor_m, unreported=True, stuck_m=rest_m, sigma_m=sigma_m)
+            return Pushes(1, self.anchor_m, stuck_m=rest_m, sigma_m=sigma_m)
         failed = self.failed + 1
         stuck_m, stuck_sigma_m = (self.stuck_m, self.sigma_m) if self.failed else (rest_m, sigma_m)
         # the exponent is bounded: a jam may last for years
@@ -68,7 +66,6 @@ class Pushes:
             self.anchor_m,
             rests_until_s=time_s + rest_s,
             rest_s=rest_s,
-            unreported=True,
             stuck_m=stuck_m,
             sigma_m=stuck_sigma_m,
         )

@@ -23,19 +23,16 @@ from positioner.inputs.plug_in import (
     problem_of,
     text_of_error,
 )
-from positioner.laws.nmpc.filter import AdaptiveFilter
-from positioner.laws.nmpc.law import NmpcLaw
+from positioner.laws.nmpc.factory import nmpc_law
+from positioner.laws.nmpc.programme import KNOTS
 from positioner.laws.outside import OutsideLaw
 from positioner.laws.paper.law import PaperLaw
-from positioner.laws.quasi_static.factory import quasi_static_law
-from positioner.laws.quasi_static.programme import KNOTS
 from positioner.laws.rivals.knocker import Knocker, KnockerMemory
 from positioner.laws.rivals.pi import NoCompensator, PiLaw
 from positioner.laws.rivals.pid import PidController
 from positioner.laws.rivals.reinforcement import Reinforcement
 from positioner.laws.rivals.two_move import TwoMoveLaw
 from positioner.values import replace
-from positioner.valve.motion import Load, MotionModel
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -43,7 +40,7 @@ if TYPE_CHECKING:
     from positioner.guard.settings import GuardSettings
     from positioner.laws.estimator_settings import EstimatorSettings
     from positioner.laws.law import Law
-    from positioner.laws.quasi_static.law import QuasiStaticLaw
+    from positioner.laws.nmpc.law import NmpcLaw
     from positioner.laws.rivals.pid import PidSettings
     from positioner.laws.settings import ControlSettings
     from positioner.optimization.qp import Solver
@@ -78,30 +75,6 @@ def _paper(name: str, parts: Ingredients, *, use_table: bool) -> PaperLaw:
     )
 
 
-def _nmpc(parts: Ingredients) -> QuasiStaticLaw:
-    return replace(_quasi_static(parts, brakes=True), name="nmpc")
-
-
-def nmpc_predictive(parts: Ingredients) -> NmpcLaw:
-    """Return the law of predictive moves alone, to which an actuator acts at once."""
-    settings, valve = parts.control.nmpc, parts.valve
-    steps = settings.approach
-    return NmpcLaw(
-        name="nmpc-predictive",
-        valve=valve,
-        settings=settings,
-        estimator=parts.estimator,
-        filter=AdaptiveFilter(settings.adaptation, MotionModel.of(valve), Load.of(valve)),
-        solver=parts.make_solver(steps.control_steps, steps.prediction_steps),
-        current_low_ma=parts.guard.current_low_ma,
-        current_high_ma=parts.guard.current_high_ma,
-        period_s=parts.control.sample_period_s,
-        command_delay_s=parts.control.command_delay_s,
-        table_from_s=parts.control.table_from_s,
-        table_cell_m=parts.control.table_cell_m,
-    )
-
-
 def _controller(pid: PidSettings, parts: Ingredients) -> PidController:
     return PidController(pid, parts.guard.current_low_ma, parts.guard.current_high_ma)
 
@@ -131,31 +104,29 @@ def _two_move(name: str, parts: Ingredients, *, retries: bool) -> TwoMoveLaw:
     return TwoMoveLaw(name, parts.valve, moves, retry, parts.guard.current_low_ma, parts.guard.current_high_ma)
 
 
-def _quasi_static(parts: Ingredients, *, brakes: bool = False) -> QuasiStaticLaw:
+def _nmpc(name: str, parts: Ingredients, *, brakes: bool) -> NmpcLaw:
     control, guard = parts.control, parts.guard
-    currents_ma, period_s = (guard.current_low_ma, guard.current_high_ma), control.sample_period_s
-    delay_s = control.command_delay_s
-    solver = parts.make_solver(KNOTS, KNOTS) if brakes else None
-    rate_ma_per_s = guard.max_rate_ma_per_s or math.inf
-    law = quasi_static_law(
-        parts.valve, parts.estimator, currents_ma, period_s, delay_s, solver=solver, rate_ma_per_s=rate_ma_per_s
+    law = nmpc_law(
+        parts.valve,
+        parts.estimator,
+        (guard.current_low_ma, guard.current_high_ma),
+        control.sample_period_s,
+        control.command_delay_s,
+        solver=parts.make_solver(KNOTS, KNOTS) if brakes else None,
+        rate_ma_per_s=guard.max_rate_ma_per_s or math.inf,
     )
-    return replace(law, table_from_s=control.table_from_s)
+    return replace(law, name=name, table_from_s=control.table_from_s)
 
 
 LAWS: Mapping[str, tuple[str, Callable[[Ingredients], Law[Any]]]] = MappingProxyType(
     {
         "nmpc": (
             "moves that a quadratic programme stops at the setpoint, quasi-static ones until the valve is known",
-            _nmpc,
-        ),
-        "nmpc-predictive": (
-            "predictive moves within an exact movable bound, as if the current acted at once",
-            nmpc_predictive,
+            lambda parts: _nmpc("nmpc", parts, brakes=True),
         ),
         "quasi-static": (
             "moves that end where spring and friction balance the pressure; each rest teaches both",
-            _quasi_static,
+            lambda parts: _nmpc("quasi-static", parts, brakes=False),
         ),
         "paper": (
             "the paper's NMPC with movable speed bound and breakaway bound from the stiction table",

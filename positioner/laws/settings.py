@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 from annotated_types import Interval
 
 from positioner.inputs.table import SettingsTable
-from positioner.laws.nmpc.settings import NmpcSettings
 from positioner.laws.paper.bounds import BoundSettings
 from positioner.laws.paper.planner import PlannerSettings
 from positioner.laws.rivals.knocker import KnockerSettings
@@ -31,7 +30,7 @@ class ControlSettings(SettingsTable):
     table_from_s: time since control began from which the stiction table is used (paper §6.3); the law always learns.
     table_cell_m: width of a cell of the stiction table.
     planner, bounds: the paper's controller (Table 5, eqs 21-26).
-    nmpc: the law `nmpc-predictive`; of `nmpc`, nothing need be set.
+    nmpc: settings of an older version, which have no effect; of `nmpc`, nothing need be set.
     parameters: numbers by name for a law from outside, which gets them when it is made.
     pi, pi_deadband, knocker, constant_reinforcement, two_move, two_move_retry: the laws of those names; the packaged
         values are results of `positioner tune`. The parameters of one law belong together, so a table must give all of
@@ -47,7 +46,7 @@ class ControlSettings(SettingsTable):
     parameters: dict[str, float] = field(default_factory=dict, hash=False)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     bounds: BoundSettings = field(default_factory=BoundSettings)
-    nmpc: NmpcSettings = field(default_factory=NmpcSettings)
+    nmpc: dict[str, Any] = field(default_factory=dict, hash=False)
     pi: PidSettings = field(default_factory=partial(tuned, "pi", PidSettings))
     pi_deadband: PiDeadbandSettings = field(default_factory=partial(tuned, "pi-deadband", PiDeadbandSettings))
     knocker: KnockerSettings = field(default_factory=partial(tuned, "knocker", KnockerSettings))

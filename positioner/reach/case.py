@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from positioner.laws.estimator_settings import measurement_sigma_m
-from positioner.laws.quasi_static.belief import belief_of
-from positioner.laws.quasi_static.move import Limits
-from positioner.laws.quasi_static.slip import numbers_of
+from positioner.laws.nmpc.belief import belief_of
+from positioner.laws.nmpc.move import Limits
+from positioner.laws.nmpc.slip import numbers_of
 from positioner.valve.rollout import plant_of
 
 if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.laws.estimator_settings import EstimatorSettings
-    from positioner.laws.nmpc.settings import NmpcSettings
-    from positioner.laws.quasi_static.belief import ValveBelief
+    from positioner.laws.nmpc.belief import ValveBelief
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.rollout import Plant, Rollout
 
@@ -30,7 +29,6 @@ class Case:
 
     valve: ValveParameters
     estimator: EstimatorSettings
-    settings: NmpcSettings
     period_s: float
     delay_s: float
     low_ma: float
@@ -43,7 +41,6 @@ class Case:
         return cls(
             configuration.valve,
             configuration.estimator,
-            control.nmpc,
             control.sample_period_s,
             control.command_delay_s,
             guard.current_low_ma,
@@ -62,11 +59,6 @@ class Case:
     def sigma_m(self) -> float:
         """Standard deviation of one reading in the middle, in m."""
         return measurement_sigma_m(self.estimator, self.valve, self.middle_m)
-
-    @property
-    def tolerance_m(self) -> float:
-        """The error that is not corrected after a second at rest, in m."""
-        return self.settings.tolerance_m + self.settings.doubt_sigma * self.averaged_m
 
     @property
     def averaged_m(self) -> float:

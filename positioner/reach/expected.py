@@ -1,8 +1,8 @@
 """The error and the corrections to expect, and whether a period or a law does not fit a valve. Pure.
 
-Behind a lag, how well a move ends depends on what its readings have shown of friction and lag, and a correction is made
-where it pays: so error and first landing are taken from closed loops, as a part of the span that is always left and one
-of the noise (`python -m benchmarks.reach_durations`). Without lag an error beyond the tolerance is corrected at once.
+How well a move ends depends on what its readings have shown of friction and lag, and a correction is made where it
+pays: so error and first landing are taken from closed loops, as a part of the span that is always left and one of the
+noise (`python -m benchmarks.reach_durations`).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
 
 _OF_SPAN, _OF_NOISE = 0.0003, 0.13
-"""The mean error behind a lag: a part of the span, and of σ of a reading, as a root of squares."""
+"""The mean error: a part of the span, and of σ of a reading, as a root of squares."""
 _FIRST_OF_SPAN, _FIRST_OF_NOISE = 0.001, 0.6
-"""σ of the end of a first move behind a lag, likewise."""
+"""σ of the end of a first move, likewise."""
 _JUDGED_S, _JUDGED_READINGS, _WAYS = 0.3, 20.0, 2.0
 """A correction: the rest before it is judged for so long and by so many readings; then a way there and one back."""
 _WITHOUT_LAG = 0.15
@@ -46,9 +46,8 @@ class Corrections:
 
 def corrections(case: Case) -> Corrections:
     """Return how many first moves need a correction, and what it adds."""
-    near_m, first_m = SETTLED_OF_SPAN * case.valve.span_m, 0.5 * case.tolerance_m
-    if not case.valve.is_immediate:
-        first_m = math.hypot(_FIRST_OF_SPAN * case.valve.span_m, _FIRST_OF_NOISE * case.sigma_m)
+    near_m = SETTLED_OF_SPAN * case.valve.span_m
+    first_m = math.hypot(_FIRST_OF_SPAN * case.valve.span_m, _FIRST_OF_NOISE * case.sigma_m)
     share = math.erfc(near_m / (math.sqrt(2.0) * first_m))
     judged_s = max(_JUDGED_S, _JUDGED_READINGS * case.period_s)
     return Corrections(first_m, share, judged_s + _WAYS * durations(case, case.belief.jump_m + near_m).law_s)
@@ -58,8 +57,6 @@ def mean_error_m(case: Case) -> float:
     """Return the mean error of the law `nmpc`, in m."""
     if is_too_slow(case):
         return case.belief.jump_m
-    if case.valve.is_immediate:
-        return case.tolerance_m / 2.0
     return math.hypot(_OF_SPAN * case.valve.span_m, _OF_NOISE * case.sigma_m)
 
 

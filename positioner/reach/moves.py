@@ -1,7 +1,7 @@
 """How far the smallest push takes a stem, and how long a move lasts at best, and with the law `nmpc`. Pure.
 
 The shortest move: all current in one direction, then all in the other, so that the stem stops at its target. The law's
-behind a pressure that lags is a braked move (`laws.quasi_static.slip`); where none is made, as behind a slew limit
+behind a pressure that lags is a braked move (`laws.nmpc.slip`); where none is made, as behind a slew limit
 alone, it commands the level at which the stem stops. Without lag it answers a new setpoint one period later, and is as
 short as it can be.
 """
@@ -12,13 +12,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.slip import slip_plan, task_of
-from positioner.laws.quasi_static.stop import ARRIVED_MA
+from positioner.laws.nmpc.slip import slip_plan, task_of
+from positioner.laws.nmpc.stop import ARRIVED_MA
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.stop import Task
+    from positioner.laws.nmpc.stop import Task
     from positioner.reach.case import Case
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Rollout

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from positioner.laws.quasi_static.law import QuasiStaticLaw
-from positioner.laws.quasi_static.memory import QuasiStaticMemory
+from positioner.laws.nmpc.law import NmpcLaw
+from positioner.laws.nmpc.memory import NmpcMemory
 from positioner.values import replace
 
 
@@ -19,7 +19,7 @@ def with_sent(memory: Any, current_ma: float | None) -> Any:
     """Return the memory of a law in whose place `current_ma` was sent; None where nothing was."""
     if current_ma is None:
         return memory
-    if isinstance(memory, QuasiStaticMemory):
+    if isinstance(memory, NmpcMemory):
         return memory if memory.sent_ma == current_ma else replace(memory, sent_ma=current_ma)
     return memory
 
@@ -28,6 +28,6 @@ def at_new_setpoint(law: Any, memory: Any, measured_m: float | None) -> Any:
     """Return the memory of a law whose last move was not made, at another setpoint, with the stem at `measured_m`."""
     if measured_m is None:
         return memory
-    if isinstance(law, QuasiStaticLaw) and memory.move.stage is not None:
+    if isinstance(law, NmpcLaw) and memory.move.stage is not None:
         return law.resumed(memory, measured_m)
     return memory

@@ -58,9 +58,8 @@ USED_MODULES = {
 
 
 _FOLDERS = {
-    "nmpc-predictive": ("nmpc",),
-    "nmpc": ("quasi_static",),
-    "quasi-static": ("quasi_static",),
+    "nmpc": ("nmpc",),
+    "quasi-static": ("nmpc",),
     "paper": ("paper",),
 }
 """Folders of `laws` whose code a law runs, by the beginning of its name."""

@@ -63,7 +63,7 @@ def play_directly(scenario: Scenario) -> Iterator[DwellMetrics]:
             if settings.sensor.reports_pressure:
                 pressure_pa = as_pressure(sensor.pressure_pa(settings, plant.sensor, plant.actuator.pressure_pa))
             observation = Observation(
-                measured_m, applied_ma, period_s, setpoint_m, control_s, pressure_pa, (), pressure_pa is not None
+                measured_m, applied_ma, period_s, setpoint_m, control_s, pressure_pa, pressure_pa is not None
             )
             memory, estimate = law.estimate(memory, observation)
             memory, decision = law.decide(memory, estimate.stem, observation, table)

@@ -1,4 +1,4 @@
-"""The motion of a sliding stem in closed form, with every derivative: the one motion model of all laws. Pure.
+"""The motion of a sliding stem in closed form: the one motion model of all laws. Pure.
 
 m·v̇ = q - K·x - F_v·v, where the net push q = B·u - bench set - s·F_c, and s = ±1 is the direction of the move. This is
 eq. 11 without its Stribeck term, which matters below a few V_s only. Where the speed reaches 0, the stem stops and
@@ -17,15 +17,10 @@ from positioner.values import dataclass
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
-STOPPING_TIME_S = 60.0
-"""Longer than any stop takes; a frictionless stem, which never stops, has then reached its balance."""
-
 DEGENERATE = 1e-9
 """The damping counts as critical while |ω²| is below this part of h²."""
 _ALIKE = 1e-2
 """Two real poles count as nearly equal while they differ from h by less than this part of it."""
-_SERIES = 1e-2
-"""While |ω² t²| is smaller, a derivative is computed from its series."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +39,15 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """Where a slide ends: x (m), v (m/s), whether it stopped, and derivatives to x, v, the net push q, K and F_v."""
+    """Where a slide ends: x (m), v (m/s), whether it stopped, and derivatives to x and v."""
 
     x: float
     v: float
     stopped: bool
     dx_dx: float
     dx_dv: float
-    dx_dq: float
-    dx_dk: float
-    dx_dc: float
     dv_dx: float
     dv_dv: float
-    dv_dq: float
-    dv_dk: float
-    dv_dc: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,27 +87,18 @@ class MotionModel:
         stop_s = _stop_time_s(z, v, half, omega2, stiffness, direction)
         stopped = stop_s <= duration_s
         t = stop_s if stopped else duration_s
-        even, odd, odd_slope = modes(half, omega2, stiffness, t)
+        even, odd = modes(half, omega2, stiffness, t)
         # z(t) = a z + b v and v(t) = c z + d v
         a, b = even + half * odd, odd
         c, d = -stiffness * odd, even - half * odd
-        # ω² grows with K by 1/m, and falls with h by 2h; h grows with F_v by 1/2m
-        even_slope, mass = -0.5 * t * odd, self.mass_kg
-        b_k, b_h = odd_slope / mass, -t * odd - 2.0 * half * odd_slope
-        even_h = -t * even - 2.0 * half * even_slope
-        tilt = q / (rate * rate)
-        x_end, dx_dq = q / rate + a * z + b * v, (1.0 - a) / rate
-        dx_dk = (a - 1.0) * tilt + (even_slope / mass + half * b_k) * z + b_k * v
-        dx_dc = ((even_h + odd + half * b_h) * z + b_h * v) / (2.0 * mass)
+        x_end = q / rate + a * z + b * v
         if stopped:
-            return Transition(x_end, 0.0, True, a, b, dx_dq, dx_dk, dx_dc, 0.0, 0.0, 0.0, 0.0, 0.0)
-        dv_dk = c * tilt - (odd / mass + stiffness * b_k) * z + (even_slope / mass - half * b_k) * v
-        dv_dc = ((even_h - odd - half * b_h) * v - stiffness * b_h * z) / (2.0 * mass)
-        return Transition(x_end, c * z + d * v, False, a, b, dx_dq, dx_dk, dx_dc, c, d, -c / rate, dv_dk, dv_dc)
+            return Transition(x_end, 0.0, True, a, b, 0.0, 0.0)
+        return Transition(x_end, c * z + d * v, False, a, b, c, d)
 
 
-def modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float, float]:
-    """Return e^(-ht) cos ωt, e^(-ht) sin(ωt)/ω and the latter's derivative to ω²; hyperbolic when overdamped."""
+def modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float, float]:
+    """Return e^(-ht) cos ωt and e^(-ht) sin(ωt)/ω; hyperbolic when overdamped."""
     if omega2 < -DEGENERATE * half * half:
         sigma = math.sqrt(-omega2)
         if sigma < _ALIKE * half and sigma * t < 1.0:
@@ -132,11 +112,7 @@ def modes(half: float, omega2: float, stiffness: float, t: float) -> tuple[float
     else:
         omega, decay = math.sqrt(max(omega2, 0.0)), math.exp(-half * t)
         even, odd = decay * math.cos(omega * t), decay * (math.sin(omega * t) / omega if omega else t)
-    phase2 = omega2 * t * t  # (ωt)²
-    if abs(phase2) < _SERIES:
-        # the difference below would cancel
-        return even, odd, -math.exp(-half * t) * t * t * t * (1.0 / 6.0 - phase2 / 60.0 + phase2 * phase2 / 1680.0)
-    return even, odd, (t * even - odd) / (2.0 * omega2)
+    return even, odd
 
 
 def _stop_time_s(z: float, v: float, half: float, omega2: float, stiffness: float, direction: float) -> float:

@@ -87,7 +87,7 @@ class Plant:
         filling, venting = (_within_step(left**pressure.steps, pressure) for left in (pressure.fill, pressure.vent))
         motion = MotionModel(self.mass, 1.0, numbers.offset_ma)
         load = Load(numbers.spring_ma_per_m, numbers.sliding_ma, self.viscous * numbers.viscous)
-        up, down = (slide_of(motion, load, direction, self.step_s, 0.0) for direction in (1.0, -1.0))
+        up, down = (slide_of(motion, load, direction, self.step_s) for direction in (1.0, -1.0))
         return Rollout(pressure, self.steps, numbers, up, down, filling, venting)
 
 

@@ -35,7 +35,7 @@ class Quantity(StrEnum):
     BREAKAWAY_CURRENT = "breakaway_current_ma"
     """Current at the instant of a slip, Γ when averaged."""
     LANDING_BIAS = "landing_bias_m"
-    """The place where a move stopped, minus the planned one, or minus that of the configured valve (`quasi_static`)."""
+    """The place where a move stopped, minus the planned one, or minus that of the configured valve (`nmpc`)."""
 
     @property
     def limits(self) -> tuple[float, float]:

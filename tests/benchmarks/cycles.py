@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from random import Random
 from time import perf_counter_ns
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.case import Play
 from plant_emulator.device import advance, initial_device, publish, take
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from positioner.config.schema import Configuration
     from positioner.cycle.events import Event
     from positioner.cycle.state import Setup
+    from positioner.laws.law import Law
     from positioner.wire.messages import CanFrame
 
 _WINDOW_MM = (73.0, 87.0)
@@ -49,15 +50,12 @@ class Cycle:
     passes: int
 
 
-def scenario(
-    period_s: float, setpoints: int, dwell_s: float, seed: int, horizon: int = 4, lag_s: float = 0.0
-) -> Scenario:
+def scenario(period_s: float, setpoints: int, dwell_s: float, seed: int, lag_s: float = 0.0) -> Scenario:
     """Return a run of many short dwells on the paper's valve, whose setpoints follow from `seed`.
 
     A lag `lag_s` of the actuator is told to the law.
     """
     random = Random(seed)  # noqa: S311 - setpoints, not secrets
-    approach = {"prediction_steps": horizon, "control_steps": horizon}
     return Scenario(
         name="speed",
         title="many moves",
@@ -69,13 +67,12 @@ def scenario(
         dwell_s=dwell_s,
         plant={"preset": "paper", "actuator": lag_table(lag_s)},
         valve={"actuator": lag_table(lag_s)},
-        control={"nmpc": {"approach": approach}},
     )
 
 
-def record(wanted: Scenario, configuration: Configuration) -> Iterator[Cycle]:
-    """Yield every cycle of the closed loop of `wanted`, as `positioner.bench.inprocess` plays it."""
-    settings, setup = check_playable(wanted, configuration), configuration.make_setup()
+def record(wanted: Scenario, configuration: Configuration, law: Law[Any] | None = None) -> Iterator[Cycle]:
+    """Yield every cycle of the closed loop of `wanted`, as `positioner.bench.inprocess` plays it, or with `law`."""
+    settings, setup = check_playable(wanted, configuration), configuration.make_setup(law=law)
     state, device = initial_state(configuration), initial_device(settings, wanted.seed)
     for sample in range(round(wanted.duration_s / wanted.sample_period_s)):
         inbox: list[CanFrame] = []

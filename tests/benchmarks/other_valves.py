@@ -27,6 +27,7 @@ from positioner.bench.inprocess import configure
 from positioner.bench.metrics import Trace, dwell_metrics
 from positioner.bench.scenario import Scenario
 from positioner.laws.law import Observation
+from positioner.valve.credible import Limits
 from positioner.valve.stiction import StictionTable
 
 if TYPE_CHECKING:
@@ -198,7 +199,7 @@ def play(
         estimator=condition.told,
     )
     configuration = configure(scenario)
-    law, limits, span_m = configuration.make_law(), configuration.limits, configuration.valve.span_m
+    law, limits, span_m = configuration.make_law(), Limits(configuration.valve), configuration.valve.span_m
     table = StictionTable()
     state, sensor, draw = valve.initial_state(plant, seed), Sensor(condition.noise, seed), np.random.default_rng(seed)
     memory: Any = None
@@ -217,8 +218,7 @@ def play(
             measured_m = round(sensor.read(state.stem.position_m) / 1e-8) * 1e-8
             if memory is None:
                 memory = law.begin(measured_m)
-            pending_ma = tuple(sent[acting + 1 :])
-            observation = Observation(measured_m, applied_ma, period_s, setpoint_m, control_s, pending_ma=pending_ma)
+            observation = Observation(measured_m, applied_ma, period_s, setpoint_m, control_s)
             memory, estimate = law.estimate(memory, observation)
             for lesson in estimate.lessons:
                 if control_s and limits.allows(lesson, table.cell_width_m / 2.0):

@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_ONE = (1, 1)
-_GIVEN = {"A": (2, 2), "b": (2, 1), "error": _ONE, "weight": _ONE, "target": _ONE, "factor": _ONE, "g": (1, 2)} | {
-    "room": _ONE
-}
+_GIVEN = ("g", "weight", "down", "up")
 """The time-varying parameters."""
 
 
@@ -27,11 +24,14 @@ class DoMpc:
 
     def __init__(self, steps: int) -> None:
         model = Model("discrete", "SX")
-        model.set_variable("_x", "state", shape=(2, 1))
-        model.set_variable("_u", "u")
-        for name, shape in _GIVEN.items():
-            model.set_variable("_tvp", name, shape=shape)
-        model.set_rhs("state", _following(model))
+        error, last, u = (
+            model.set_variable("_x", "error"),
+            model.set_variable("_x", "last"),
+            model.set_variable("_u", "u"),
+        )
+        g, weight, down, up = (model.set_variable("_tvp", name) for name in _GIVEN)
+        model.set_rhs("error", error + g * u)
+        model.set_rhs("last", u)
         model.setup()
         mpc = self._mpc = MPC(model)
         mpc.settings.n_horizon = steps
@@ -39,10 +39,9 @@ class DoMpc:
         mpc.settings.n_robust = 0
         mpc.settings.store_full_solution = False
         mpc.settings.supress_ipopt_output()
-        given, state, u = model.tvp, model.x["state"], model.u["u"]
-        tracked = given["weight"] * (state[0] - given["error"]) ** 2
-        mpc.set_objective(mterm=tracked, lterm=tracked + given["factor"] * (u - given["target"]) ** 2)
-        mpc.set_nl_cons("stop", given["g"] @ _following(model) - given["room"], ub=0.0)
+        mpc.set_objective(mterm=0.5 * weight * error**2, lterm=0.5 * u**2)
+        mpc.set_nl_cons("least", down - (u - last), ub=0.0)
+        mpc.set_nl_cons("most", (u - last) - up, ub=0.0)
         self._template = mpc.get_tvp_template()
         mpc.set_tvp_fun(lambda _now: self._template)
         mpc.setup()
@@ -52,27 +51,14 @@ class DoMpc:
 
     def solve(self, problem: ControlProblem) -> Array:
         """Return the first input (1,) in mA."""
-        errors, weights = np.concatenate([[0.0], problem.errors]), np.concatenate([[0.0], problem.weights])
         # the model after the last input is in no equation, but needs values
         last = [*range(self._steps), self._steps - 1]
-        factor = np.full(len(last), problem.input_weight)
-        columns = (
-            problem.A.transpose(0, 2, 1).reshape(-1, 4)[last],  # column by column
-            problem.b[last],
-            errors[:, np.newaxis],
-            weights[:, np.newaxis],
-            problem.targets[last][:, np.newaxis],
-            factor[:, np.newaxis],
-            problem.g[last],
-            problem.room[last][:, np.newaxis],
+        weight = np.full(len(last), problem.weight)
+        self._template["_tvp", :] = list(
+            np.column_stack((problem.g[last], weight, problem.down[last], problem.up[last]))
         )
-        self._template["_tvp", :] = list(np.hstack(columns))
         mpc: Any = self._mpc
         mpc.lb_opt_x["_u", :, 0] = list(problem.low)
         mpc.ub_opt_x["_u", :, 0] = list(problem.high)
-        found: Array = mpc.make_step(np.zeros((2, 1)))
+        found: Array = mpc.make_step(np.array([[problem.error], [0.0]]))
         return found.ravel()
-
-
-def _following(model: Any) -> Any:
-    return model.tvp["A"] @ model.x["state"] + model.tvp["b"] * model.u["u"]

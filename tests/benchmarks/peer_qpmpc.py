@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+_SMALL = 1e-6
+"""The unit of the last change: qpmpc weights all states alike, and this one must not cost anything."""
+
 
 class Qpmpc:
     """One solver of qpmpc, which starts from its last solution if it can."""
@@ -24,23 +27,19 @@ class Qpmpc:
 
     def solve(self, problem: ControlProblem) -> Array:
         """Return the inputs (N,) in mA."""
-        steps, A, b, g = problem.steps, problem.A, problem.b, problem.g
-        zero = np.zeros(2)
+        limits = np.column_stack((problem.high, -problem.low, problem.up, -problem.down))
         ours = MPCProblem(
-            transition_state_matrix=list(A),
-            transition_input_matrix=[column.reshape(2, 1) for column in b],
-            # a bound on x(i+1) as one on x(i) and u(i): qpmpc bounds no state after the last input
-            ineq_state_matrix=[np.vstack([g[i] @ A[i], zero, zero]) for i in range(steps)],
-            ineq_input_matrix=[np.array([[g[i] @ b[i]], [1.0], [-1.0]]) for i in range(steps)],
-            ineq_vector=[np.array([problem.room[i], problem.high[i], -problem.low[i]]) for i in range(steps)],
-            nb_timesteps=steps,
-            terminal_cost_weight=float(problem.weights[-1]),
-            stage_state_cost_weight=1.0,
-            stage_input_cost_weight=problem.input_weight,
-            initial_state=zero,
-            goal_state=np.array([problem.errors[-1], 0.0]),
-            target_states=np.column_stack([[0.0, *problem.errors[:-1]], np.zeros(steps)]).ravel(),
-            target_inputs=problem.targets,
+            transition_state_matrix=np.diag([1.0, 0.0]),
+            transition_input_matrix=[np.array([[g], [_SMALL]]) for g in problem.g],
+            ineq_state_matrix=np.array([[0.0, 0.0], [0.0, 0.0], [0.0, -1.0 / _SMALL], [0.0, 1.0 / _SMALL]]),
+            ineq_input_matrix=np.array([[1.0], [-1.0], [1.0], [-1.0]]),
+            ineq_vector=list(limits),
+            nb_timesteps=problem.steps,
+            terminal_cost_weight=problem.weight,
+            stage_state_cost_weight=None,
+            stage_input_cost_weight=1.0,
+            initial_state=np.array([problem.error, 0.0]),
+            goal_state=np.zeros(2),
         )
         plan = solve_mpc(ours, self._solver, initvals=self._last, **self._options)
         self._last = plan.qpsol.x

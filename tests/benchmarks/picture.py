@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.ticker import LogLocator
 
 from benchmarks.goals import LAGGED_P99_US, is_lagged
-from benchmarks.tables import PUBLISHED
 from positioner.pictures.colours import FAINT, INK, MEASURED, SERIES
 from positioner.pictures.files import save
 from positioner.pictures.panels import LABEL, NORMAL, SMALL, dress, new_figure
@@ -25,7 +24,6 @@ _COLOURS = dict(zip(("at rest", "in a move", "settling"), SERIES, strict=False))
 _PERIODS_US = {"10 kHz": 100.0, "1 kHz": 1000.0}
 _GOALS_US = {"at rest": (50.0, 100.0), "in a move": (150.0, 250.0)}
 """Median and p99 at rest, p99 and maximum in a move, on a valve without lag."""
-_HORIZONS = {4: ("o", "white"), 20: ("o", "#444444")}
 _MOST_DOTS = 600
 
 
@@ -70,37 +68,25 @@ def _draw_cycles(axes: Axes, cycles: Sequence[Entry]) -> None:
     )
 
 
-def _draw_plans(axes: Axes, ratios: dict[str, dict[int, float]]) -> None:
-    """Draw one row for each program, one dot for each horizon."""
-    for row, by_horizon in enumerate(ratios.values()):
-        axes.plot([1.0, max(by_horizon.values())], [row, row], color=FAINT, linewidth=1, zorder=0)
-        for horizon, ratio in by_horizon.items():
-            marker, face = _HORIZONS[horizon]
-            axes.plot(ratio, row, marker, markerfacecolor=face, markeredgecolor="#444444", markersize=8)
-            below = -9 if ratio == min(by_horizon.values()) else 9
-            axes.annotate(
-                f"{ratio:.1f}", (ratio, row), (below, 8), textcoords="offset points", ha="center", fontsize=SMALL
-            )
+def _draw_plans(axes: Axes, ratios: dict[str, float]) -> None:
+    """Draw one row for each program."""
+    for row, ratio in enumerate(ratios.values()):
+        axes.plot([1.0, ratio], [row, row], color=FAINT, linewidth=1, zorder=0)
+        axes.plot(ratio, row, "o", color=INK, markersize=8)
+        axes.annotate(f"{ratio:.1f}", (ratio, row), (9, 8), textcoords="offset points", ha="center", fontsize=SMALL)
     axes.axvline(1.0, color=INK, linewidth=1)
     axes.set_yticks(range(len(ratios)), ratios)
     axes.set_ylim(len(ratios) - 0.4, -0.8)
     _logarithmic(axes, "median time, times ours")
-    axes.set_title("The same plan by other programs\n", fontsize=NORMAL, loc="left")
-    for horizon, (marker, face) in _HORIZONS.items():
-        axes.plot([], [], marker, markerfacecolor=face, markeredgecolor="#444444", label=f"H_p = H_u = {horizon}")
-    axes.legend(loc="upper right", fontsize=NORMAL)
+    axes.set_title("The same programme by other programs\n", fontsize=NORMAL, loc="left")
 
 
-def _ratios(plans: Sequence[Entry]) -> dict[str, dict[int, float]]:
-    """Return the median of each other program over ours, by program and horizon."""
-    ratios: dict[str, dict[int, float]] = {}
-    for horizon in _HORIZONS:
-        own = [entry for entry in plans if entry["horizon"] == horizon]
-        ours = min(entry["smallest"]["median"] for entry in own if entry["program"] == "ours")
-        medians = {e["program"]: e["smallest"]["median"] for e in own if e["program"] != "ours"}
-        for program, median in (medians | PUBLISHED.get(horizon, {})).items():
-            ratios.setdefault(program.replace(", ", "\n", 1), {})[horizon] = median / ours
-    return dict(sorted(ratios.items(), key=lambda item: item[1][max(_HORIZONS)]))
+def _ratios(plans: Sequence[Entry]) -> dict[str, float]:
+    """Return the median of each other program over ours, the smallest first."""
+    medians = [(entry["program"].replace(", ", "\n", 1), entry["smallest"]["median"]) for entry in plans]
+    ours = min(median for program, median in medians if program == "ours")
+    others = [(program, median / ours) for program, median in medians if program != "ours"]
+    return dict(sorted(others, key=lambda other: other[1]))
 
 
 def _logarithmic(axes: Axes, name: str) -> None:

@@ -1,92 +1,76 @@
-"""Plans of recorded moves: the states at which `nmpc-predictive` planned, and its plan of one pass from each."""
+"""The quadratic programmes of recorded moves: all that `nmpc` asks OSQP while it stops stems behind a lag."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
 from benchmarks.case import Play
 from benchmarks.cycles import record, scenario
 from positioner.bench.inprocess import configure
-from positioner.laws.nmpc.filter import Sliding
-from positioner.laws.nmpc.law import NmpcLaw
-from positioner.laws.nmpc.plan import plan_move
-from positioner.laws.nmpc.start import fastest
+from positioner.laws.nmpc.programme import KNOTS
+from positioner.laws.registry import make_law
+from positioner.optimization.solver import QpSolver
 
 if TYPE_CHECKING:
-    from positioner.config.schema import Configuration
-    from positioner.laws.nmpc.move import Move
-    from positioner.laws.nmpc.settings import ApproachSettings
+    from collections.abc import Sequence
 
-PERIOD_S = 1e-3
-_SEED, _SETPOINTS, _DWELL_S = 7, 30, 0.05
+    from positioner.optimization.qp import QuadraticProgram, Solver
 
-
-@dataclass(frozen=True, slots=True)
-class Planned:
-    """A move at the instant of a plan, and the inputs (H_u) in mA from which the plan starts."""
-
-    move: Move
-    guess_ma: tuple[float, ...]
+_SEED, _SETPOINTS, _DWELL_S, _LAG_S, _RATE_MA_PER_S = 7, 60, 0.5, 0.05, 1000.0
 
 
-def one_pass(law: NmpcLaw) -> ApproachSettings:
-    """Return the settings of the law's plans, with a single programme for each."""
-    return replace(law.settings.approach, max_passes=1)
+class _Recorder:
+    """A solver that notes the programmes that it is given."""
+
+    def __init__(self, solver: Solver) -> None:
+        self.programs: list[QuadraticProgram] = []
+        self._solver = solver
+
+    def solve(
+        self,
+        program: QuadraticProgram,
+        inputs: Sequence[float] | None = None,
+        multipliers: Sequence[float] | None = None,
+    ) -> list[float] | None:
+        """Return what the solver finds."""
+        self.programs.append(program)
+        return self._solver.solve(program, inputs, multipliers)
 
 
-def immediate(configuration: Configuration) -> NmpcLaw:
-    """Return the law that plans by quadratic programmes."""
-    law = configuration.make_law()
-    assert isinstance(law, NmpcLaw)
-    return law
+def recorded_programs() -> list[QuadraticProgram]:
+    """Return every programme of a run: the lag is configured, and the guard limits the rate of the current."""
+    wanted = scenario(1e-3, _SETPOINTS, _DWELL_S, _SEED, _LAG_S)
+    configuration = configure(replace(wanted, guard={"max_rate_ma_per_s": _RATE_MA_PER_S}))
+    recorder = _Recorder(QpSolver(KNOTS, KNOTS))
+    ingredients = replace(configuration.ingredients, make_solver=lambda _inputs, _steps: recorder)
+    for _ in record(wanted, configuration, make_law("nmpc", ingredients)):
+        pass
+    return recorder.programs
 
 
-def recorded_plans(horizon: int) -> tuple[NmpcLaw, list[Planned]]:
-    """Return a fresh law with H_p = H_u = `horizon`, and every plan of a run for which a programme was solved.
-
-    The first plan of a move is left out: its first input has other limits.
-    """
-    wanted = replace(scenario(PERIOD_S, _SETPOINTS, _DWELL_S, _SEED, horizon), law="nmpc-predictive")
-    configuration = configure(wanted)
-    law = immediate(configuration)
-    planned: list[Planned] = []
-    moving = False
-    for cycle in record(wanted, configuration):
-        memory = cycle.after.control.memory
-        if memory is None or not isinstance(memory.stem, Sliding):
-            moving = False
-            continue
-        if moving and cycle.passes:
-            planned.append(_planned(law, law._move(memory, memory.stem, memory.aim_m), horizon))
-        moving = True
-    return law, planned
-
-
-def _planned(law: NmpcLaw, move: Move, horizon: int) -> Planned:
-    slide, limits = move.slide(law.filter.model, PERIOD_S), move.limits(horizon)
-    return Planned(move, tuple(fastest(slide, limits, move.x, move.v, move.target_m)))
+def solved(solver: Solver, program: QuadraticProgram) -> list[float] | None:
+    """Return the changes (H_u,) in mA that the solver finds, from none on, as the law asks for them."""
+    return solver.solve(program, (0.0,) * KNOTS, (0.0,) * (2 * KNOTS))
 
 
 class PlanCase:
-    """Our own plan of every recorded move: start, prediction, programme and solution."""
+    """Our own solution of every recorded programme."""
 
-    def __init__(self, horizon: int) -> None:
-        self._law, self._planned = recorded_plans(horizon)
-        self._settings, self._model = one_pass(self._law), self._law.filter.model
-        self._configuration = configure(replace(scenario(PERIOD_S, 1, _DWELL_S, _SEED, horizon), law="nmpc-predictive"))
-        self.labels = ("plan",) * len(self._planned)
+    def __init__(self) -> None:
+        self._programs = recorded_programs()
+        self.labels = ("plan",) * len(self._programs)
 
     def play(self) -> Play:
-        """Return the durations of all plans, and their first inputs in mA; None for a programme that was not solved."""
-        law = immediate(self._configuration)
+        """Return the durations of all solutions, and their first inputs in mA; None for what was not solved."""
+        solver = QpSolver(KNOTS, KNOTS)
         durations_ns: list[int] = []
         first_ma: list[float | None] = []
-        for planned in self._planned:
+        for program in self._programs:
             began = perf_counter_ns()
-            plan = plan_move(self._settings, self._model, law.solver, planned.move, PERIOD_S)
+            found = solved(solver, program)
             durations_ns.append(perf_counter_ns() - began)
-            first_ma.append(plan.inputs_ma[0] if plan.is_solved else None)
+            first_ma.append(found[0] if found else None)
         return Play(durations_ns, json.dumps(first_ma))

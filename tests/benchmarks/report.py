@@ -20,8 +20,7 @@ _CYCLES = (
     "One cycle, from frames to frames, in µs. The time of a cycle is the smallest of {rounds} repeats that are equal "
     "to the bit; the distribution of all repeats is in brackets."
 )
-_PLANS = "One programme of the plan of a recorded move, in µs. Every program solves the same problem:"
-_HORIZONS = "One cycle in a move at 1 kHz, in µs, by horizon:"
+_PLANS = "One programme that places the stop of a recorded move, in µs. Every program solves the same problem:"
 _BUS = (
     "From a position frame on its way to the bus until its command is back, in µs: the daemon, and an echo for "
     "comparison, in a process of its own. All repeats."
@@ -41,7 +40,6 @@ def report(document: Entry) -> str:
         [_machine(document)],
         [_CYCLES.format_map(document["machine"]), "", *tables.cycles(document)],
         [_PLANS, "", *tables.plans(document)],
-        [_HORIZONS, "", *tables.horizons(document)],
         [_BUS, "", *tables.bus(document)],
         [_VALVES, "", *tables.valves(document)],
         [_SIMULATION, "", *tables.simulation(document)],
@@ -62,7 +60,7 @@ def publish(folder: Path) -> None:
     parts = [
         [_machine(document)],
         [_CYCLES.format_map(document["machine"]), "", *tables.cycles(document)],
-        [_PLANS, "", *tables.plans_in_short(document)],
+        [_PLANS, "", *tables.plans(document)],
         [_VALVES, "", *tables.valves(document)],
         [_SIMULATION, "", *tables.simulation(document)],
         [_INSTRUCTIONS, "", *tables.instructions(_counts())],

@@ -1,4 +1,4 @@
-"""What was measured, as one document: cycles by mode and by horizon, plans beside those of others, bus, simulation."""
+"""What was measured, as one document: cycles by mode, programmes beside those of others, bus, simulation."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ def summarize(cases: Sequence[Measured]) -> dict[str, Any]:
     """
     check_bits(cases)
     document = {
-        "cycles": list(_by_mode(cases, "cycle", "rate")),
-        "horizons": list(_by_mode(cases, "horizon", "horizon")),
+        "cycles": list(_by_mode(cases)),
         "plans": list(_plans(cases)),
         "bus": list(_bus(cases)),
         "valves": list(_valves(cases)),
@@ -75,22 +74,23 @@ def _figures(group: Sequence[Measured], label: str) -> Entry:
     return {"smallest": asdict(Distribution.of(least)), "raw": asdict(Distribution.of(every)), "smallest_ns": least}
 
 
-def _by_mode(cases: Sequence[Measured], kind: str, condition: str) -> Iterator[Entry]:
+def _by_mode(cases: Sequence[Measured]) -> Iterator[Entry]:
     groups: dict[tuple[str, str], list[Measured]] = {}
-    for (value, *_), case in _of(cases, kind):
+    for (value, *_), case in _of(cases, "cycle"):
         groups.setdefault((value, case.build), []).append(case)
     for (value, build), group in groups.items():
         for mode in MODES:
-            yield {condition: value, "build": build, "mode": mode} | _figures(group, mode)
+            yield {"rate": value, "build": build, "mode": mode} | _figures(group, mode)
 
 
 def _plans(cases: Sequence[Measured]) -> Iterator[Entry]:
-    ours = {horizon: json.loads(case.results[0]) for (horizon, name), case in _of(cases, "plan") if name == "ours"}
-    for (horizon, program), case in _of(cases, "plan"):
+    ours: list[float] = next(
+        (json.loads(case.results[0]) for (name,), case in _of(cases, "plan") if name == "ours"), []
+    )
+    for (program,), case in _of(cases, "plan"):
         first_ma = json.loads(case.results[0])
-        pairs = [(a, b) for a, b in zip(first_ma, ours[horizon], strict=True) if a is not None and b is not None]
+        pairs = [(a, b) for a, b in zip(first_ma, ours, strict=True) if a is not None and b is not None]
         yield {
-            "horizon": int(horizon),
             "program": program,
             "build": case.build if program == "ours" else "",
             "unsolved": sum(value is None for value in first_ma),

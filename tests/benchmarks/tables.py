@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from positioner.report.table import Table
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
 
 QUANTILES = ("median", "p99", "p999", "largest")
 HEAD = ("median", "p99", "p99.9", "max")
-PUBLISHED = {20: {"acados (HPIPM), from Python, as published": 132.0}}
-"""Medians in µs of programs that pip cannot install, by horizon."""
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
@@ -32,33 +31,9 @@ def cycles(document: Entry) -> list[str]:
     return table(("cycle", "build", "cycles", *HEAD), rows)
 
 
-def horizons(document: Entry) -> list[str]:
-    """Return the cycles in a move by horizon."""
-    rows = (
-        [entry["horizon"], entry["build"], str(entry["smallest"]["count"]), *_both(entry)]
-        for entry in document["horizons"]
-        if entry["mode"] == "in a move"
-    )
-    return table(("H_p = H_u", "build", "cycles in a move", *HEAD), rows)
-
-
 def plans(document: Entry) -> list[str]:
-    """Return the plans of one programme, ours and those of other programs."""
-    return table(("H_p = H_u", "program", "plans", *HEAD, "× ours", "apart by, µA"), _plans(document["plans"]))
-
-
-def plans_in_short(document: Entry) -> list[str]:
-    """Return the medians and p99 of the plans, one row for each program."""
-    short: dict[str, list[str]] = {}
-    shown = sorted({entry["horizon"] for entry in document["plans"]})
-    for horizon in shown:
-        for _, program, _, median, p99, *_, ratio, _ in _plans(
-            [e for e in document["plans"] if e["horizon"] == horizon]
-        ):
-            before = ["–"] * 3 * shown.index(horizon)
-            short.setdefault(program, before).extend([median.partition(" ")[0], p99.partition(" ")[0], ratio])
-    head = [f"H_p {horizon}: {name}" for horizon in shown for name in ("median", "p99", "× ours")]
-    return table(("program", *head), ([program, *cells] for program, cells in short.items()))
+    """Return the solutions of one programme, ours and those of other programs."""
+    return table(("program", "programmes", *HEAD, "× ours", "apart by, µA"), _plans(document["plans"]))
 
 
 def bus(document: Entry) -> list[str]:
@@ -125,18 +100,13 @@ def _both(entry: Entry) -> list[str]:
 
 
 def _plans(entries: list[Entry]) -> Iterator[list[str]]:
-    for horizon in sorted({entry["horizon"] for entry in entries}):
-        own = [entry for entry in entries if entry["horizon"] == horizon]
-        ours = min(entry["smallest"]["median"] for entry in own if entry["program"] == "ours")
-        for entry in own:
-            unsolved = f" ({entry['unsolved']} not solved)" if entry["unsolved"] else ""
-            yield [
-                str(horizon),
-                f"ours, {entry['build']}" if entry["build"] else entry["program"],
-                f"{entry['smallest']['count']}{unsolved}",
-                *_both(entry),
-                f"{entry['smallest']['median'] / ours:.1f}",
-                f"{entry['apart_ma'] * 1e3:.1f}",
-            ]
-        for program, median in PUBLISHED.get(horizon, {}).items():
-            yield [str(horizon), program, "–", f"{median:.0f}", "–", "–", "–", f"{median / ours:.1f}", "–"]
+    ours = min((entry["smallest"]["median"] for entry in entries if entry["program"] == "ours"), default=math.nan)
+    for entry in entries:
+        unsolved = f" ({entry['unsolved']} not solved)" if entry["unsolved"] else ""
+        yield [
+            f"ours, {entry['build']}" if entry["build"] else entry["program"],
+            f"{entry['smallest']['count']}{unsolved}",
+            *_both(entry),
+            f"{entry['smallest']['median'] / ours:.1f}",
+            f"{entry['apart_ma'] * 1e3:.1f}",
+        ]

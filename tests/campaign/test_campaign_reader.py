@@ -193,7 +193,7 @@ def test_one_parameter_of_a_law_leaves_the_others_as_they_are(tmp_path: Path) ->
     assert packaged.filter_time_constant_s != 0.001
 
 
-@pytest.mark.parametrize("key", [MASS, "control.nmpc.adaptation.least", "estimator.method", "sample_period_s"])
+@pytest.mark.parametrize("key", [MASS, "control.planner.terminal_factor", "estimator.method", "sample_period_s"])
 def test_every_known_key_is_one_of_the_settings_and_has_a_kind(key: str) -> None:
     settings, known = settings_of(load_scenario("paper-valve")), known_keys()
     assert key in known

@@ -21,7 +21,7 @@ from positioner.wire.messages import StemPosition
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-RETIRED = {"control.nmpc.lagged"}
+RETIRED = {"control.nmpc"}
 DBC = """VERSION ""
 BU_: PLANT POSITIONER
 BO_ 512 VALVE_FEEDBACK: 8 PLANT
@@ -55,13 +55,14 @@ def test_an_id_and_the_name_of_a_valve_are_all_it_takes() -> None:
 
 def test_settings_of_an_older_version_have_no_effect_and_are_told_in_one_line() -> None:
     minimal = '[valve]\nid = "FV-101"\npreset = "real-valve"\n'
-    found = parse_config(minimal + "[control.nmpc.lagged]\nlag_doubt = 0.3\nsettle_s = 9.0\n", "valve.toml", Path())
+    old = "[control.nmpc]\ntolerance_m = 1e-4\n[control.nmpc.lagged]\nlag_doubt = 0.3\n"
+    found = parse_config(minimal + old, "valve.toml", Path())
     (line,) = found.retired
-    assert line == "[control.nmpc.lagged] is of an older version and has no effect; leave it out: lag_doubt, settle_s"
+    assert line == "[control.nmpc] is of an older version and has no effect; leave it out: tolerance_m, lagged"
     assert line in warnings(found)
     plain = parse_config(minimal, "valve.toml", Path())
     assert plain.retired == ()
-    assert found.make_law() == plain.make_law()
+    assert found.make_law().name == plain.make_law().name == "nmpc"
 
 
 def test_the_commented_example_shows_the_defaults() -> None:

@@ -411,15 +411,6 @@ def test_what_was_known_ends_with_control() -> None:
     assert CycleState().hunting is None
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_predictive_moves_without_friction_at_20_ms_are_told_to_hunt(seed: int) -> None:
-    plant = {"valve": {"static_friction_n": 0.0, "coulomb_friction_n": 0.0}}
-    loop = Loop("nmpc-predictive", seed=seed, sample_period_s=0.02, setpoint_period_s=0.02, plant=plant)
-    told_s, _ = told_at(loop, 8.0, 0.07)
-    assert told_s is not None
-    assert told_s < 5.5  # the first half second is the way from the closed end
-
-
 def test_a_law_that_swings_a_stem_without_friction_ninety_times_a_second_is_told_and_stays_so() -> None:
     plant = {"valve": {"static_friction_n": 0.0, "coulomb_friction_n": 0.0, "initial_position_m": 0.05}}
     loop = Loop("constant-reinforcement", seed=3, sample_period_s=0.005, setpoint_period_s=0.02, plant=plant)

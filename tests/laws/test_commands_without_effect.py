@@ -11,7 +11,7 @@ from slow_cases import slow
 
 from positioner.cycle.events import ForeignCommand, Learned, ModeChanged
 from positioner.cycle.trust_events import ActingChanged
-from positioner.laws.quasi_static.belief import STATIC
+from positioner.laws.nmpc.belief import STATIC
 from positioner.laws.registry import LAWS
 from positioner.wire.messages import Cause, CurrentCommand, Health, Mode, Quality, StemPosition
 

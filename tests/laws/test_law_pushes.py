@@ -18,7 +18,6 @@ from positioner.laws.pushes import MOST_FAILED, Pushes
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.state import StemState
 from positioner.valve.stiction import Direction, Quantity, StictionTable
-from positioner.wire.messages import Counted
 
 VALVE = ValveParameters(id="paper")
 JAMMED = {
@@ -49,36 +48,6 @@ def test_a_table_that_is_too_weak_costs_a_few_pushes_in_a_dwell(share: float) ->
         assert 1 <= moves <= 8
         errors_m.append(abs(loop.position_m - setpoint_m))
     assert max(errors_m) < LEFT * VALVE.span_m
-
-
-def test_a_jammed_stem_is_pushed_twenty_times_and_then_ever_more_seldom() -> None:
-    loop = Loop("nmpc-predictive", plant=JAMMED)
-    loop.run(0.5, 0.08)
-    first = [event for event in loop.run(2.0, 0.087) if isinstance(event, PushFailed)]
-    assert [event.failed for event in first] == list(range(1, MOST_FAILED + 2))
-    assert [event.rest_s for event in first] == [0.0] * (MOST_FAILED - 1) + [1.0, 2.0]
-    assert str(first[-2]).startswith("20 push(es) in a row did not free the stem: the next one comes in 1 s; look for ")
-    # a setpoint that trembles changes nothing
-    for sample in range(50):
-        loop.run(0.1, 0.087 + 1e-4 * (sample % 2))
-    later = [event.rest_s for event in loop.events_of(PushFailed)][len(first) :]
-    assert later == [4.0, 8.0]
-    assert loop.state.counters.by_cause[Counted.PUSH_FAILED] == len(first) + len(later)
-    # one that is elsewhere does
-    assert any(isinstance(event, MoveBegan) for event in loop.run(0.1, 0.073))
-
-
-def test_a_stem_that_is_free_again_is_found_at_the_next_push() -> None:
-    loop = Loop("nmpc-predictive", plant=JAMMED)
-    loop.run(0.5, 0.08)
-    loop.run(2.0, 0.087)
-    free = Loop("nmpc", plant={"preset": "paper", "valve": {"initial_position_m": 0.08}})
-    loop.plant = free.plant
-    loop.device = replace(loop.device, plant=replace(free.device.plant, time_s=loop.device.plant.time_s))
-    loop.run(3.0, 0.087)
-    assert loop.position_m == pytest.approx(0.087, abs=1e-3)
-    # a small correction may have failed since
-    assert loop.state.control.memory.pushes.failed <= 2
 
 
 def test_nmpc_tries_a_jammed_stem_ever_more_seldom_and_finds_it_free_again() -> None:

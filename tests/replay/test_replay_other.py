@@ -16,6 +16,24 @@ if TYPE_CHECKING:
     Output = pytest.CaptureFixture[str]
 
 
+FALLS_BACK = """
+from positioner.laws.bounds import Bounds
+from positioner.laws.law import Decision
+
+
+class FallsBack:
+    def __init__(self, parts):
+        pass
+
+    def begin(self, measured_m):
+        return 0
+
+    def decide(self, memory, stem, observation, table):
+        why = "" if memory % 2 else "no plan: the spring is balanced"
+        return memory + 1, Decision(12.0, Bounds(-1.0, 1.0, 4.0, 20.0), fallback=why)
+"""
+
+
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return runs.write_bench_log(tmp_path_factory.mktemp("bench"), runs.scenario("pi", seconds=0.3))
@@ -72,14 +90,18 @@ def test_other_settings_are_asked_the_same_way(bench: tuple[Path, Path], capsys:
     assert "(20.000 mA recorded, 15.000 mA computed)" in output
 
 
-def test_a_law_that_falls_back_is_reported_with_its_reasons(bench: tuple[Path, Path], capsys: Output) -> None:
-    assert ask(bench, "--law", "nmpc-predictive", "--set", "guard.current_high_ma=12") == 0
+def test_a_law_that_falls_back_is_reported_with_its_reasons(
+    bench: tuple[Path, Path], tmp_path: Path, capsys: Output
+) -> None:
+    law = tmp_path / "law.py"
+    law.write_text(FALLS_BACK, encoding="utf-8")
+    assert ask(bench, "--law", f"{law}:FallsBack") == 0
     output = capsys.readouterr().out.splitlines()
     total = next(int(line.split()[1]) for line in output if line.startswith("fallbacks: "))
     reasons = [line for line in output if line.startswith("  ")]
-    assert 1 <= total <= 300
-    assert 1 <= len(reasons) <= 5
-    assert any("outside 4 to 12 mA: full push" in reason for reason in reasons)
+    assert total == 150
+    assert len(reasons) == 1
+    assert "no plan: the spring is balanced" in reasons[0]
 
 
 def test_the_other_law_sees_the_current_that_moved_the_valve(bench: tuple[Path, Path], tmp_path: Path) -> None:

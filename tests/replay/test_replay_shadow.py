@@ -74,7 +74,7 @@ def commands_of(log: tuple[Path, Path], law: str, folder: Path) -> list[tuple[fl
     return [(float(row["setpoint_m"]), float(row["computed_ma"]), row["reason"]) for row in rows]
 
 
-@pytest.mark.parametrize("shadow", ["pi", "paper", "nmpc-predictive"])
+@pytest.mark.parametrize("shadow", ["pi", "paper", "paper-plain"])
 def test_the_differences_are_those_of_two_recordings(
     bench: tuple[Path, Path], shadow: str, tmp_path: Path, capsys: Output
 ) -> None:
@@ -137,7 +137,7 @@ def test_a_setpoint_that_is_passed_on_the_way_is_no_dwell(bench: tuple[Path, Pat
 
 
 def test_quasi_static_moves_in_the_shadow_know_what_was_sent_and_begin_again_at_each_setpoint() -> None:
-    configuration = load_config(STORED[1], {"control": {"law": "nmpc-predictive", "shadow": "quasi-static"}})
+    configuration = load_config(STORED[1], {"control": {"law": "paper", "shadow": "quasi-static"}})
     prepared, setup, law = (
         prepare(STORED[0], configuration, None),
         configuration.make_setup(),

@@ -122,7 +122,7 @@ def test_the_help_names_every_set() -> None:
 def test_a_change_of_nmpc_leaves_the_baselines_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     before = {law: code_of(law) for law in ("nmpc", "pi", "two-move-retry", "paper", "time-optimal")}
     read = Path.read_bytes
-    changed = lambda self: read(self) + (b"#" if "quasi_static" in self.parent.parts else b"")  # noqa: E731
+    changed = lambda self: read(self) + (b"#" if "nmpc" in self.parent.parts else b"")  # noqa: E731
     monkeypatch.setattr(Path, "read_bytes", changed)
     after = {law: code_of(law) for law in before}
     assert {law for law in before if before[law] != after[law]} == {"nmpc"}

@@ -340,7 +340,7 @@ def test_a_bus_that_goes_and_comes_back_costs_a_failsafe_and_two_lines(
 
 @pytest.mark.parametrize("dry_run", [True, False])
 def test_a_dry_run_never_transmits_and_never_learns(dry_run: bool, tmp_path: Path) -> None:
-    law = {"law": "nmpc-predictive"}
+    law = {"law": "paper"}
     with Loop(tmp_path, RunOptions(dry_run=dry_run), guard=AUTO, control=law) as loop:
         sent: list[Message] = []
         for number in range(120):  # rest, a slide of 12 mm, rest: a stick and a slip to learn from

@@ -145,7 +145,7 @@ def test_another_law_changes_no_frame_no_line_of_the_record_and_no_sample_of_the
 
 
 def test_what_the_shadow_learns_is_its_own(tmp_path: Path) -> None:
-    run = played(tmp_path, law="pi", shadow="nmpc-predictive")
+    run = played(tmp_path, law="pi", shadow="paper")
     assert run.session.shadow is not None
     state = run.session.shadow._law._state
     assert state is not None

@@ -246,7 +246,7 @@ def test_the_digest_is_the_same_wherever_the_package_lies_and_follows_every_sour
     (tmp_path / "positioner" / "wire" / "positioner.dbc").write_text(packaged_dbc_text(), encoding="utf-8")
     assert code_digest("paper") == before  # as installed, with the DBC inside
     of_pi, of_nmpc = code_digest("pi"), code_digest("nmpc")
-    (tmp_path / "positioner" / "laws" / "quasi_static" / "law.py").write_text("", encoding="utf-8")
+    (tmp_path / "positioner" / "laws" / "nmpc" / "law.py").write_text("", encoding="utf-8")
     assert (code_digest("pi"), code_digest("paper")) == (of_pi, before)  # their results are kept
     assert code_digest("nmpc") != of_nmpc  # which makes quasi-static moves, too
     (tmp_path / "plant_emulator" / "valve.py").write_text("", encoding="utf-8")

@@ -20,7 +20,6 @@ from positioner.laws.registry import LAWS
 from positioner.valve.credible import Limits, credible_part
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.stiction import Cell, CellKey, Direction, LearnedSample, Quantity, StictionTable
-from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
     from positioner.wire.messages import CanFrame
@@ -167,23 +166,6 @@ def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int) -> N
         loop.run(0.2, setpoint_m)
     biases_m = [event.sample.value for event in loop.events_of(Learned) if event.sample.quantity is BIAS]
     assert all(abs(bias_m) < 2e-3 for bias_m in biases_m), biases_m
-
-
-@pytest.mark.parametrize(("aside_m", "kept"), [(0.0, True), (0.004, False), (-0.004, False)])
-def test_a_stop_that_is_not_at_the_planned_place_is_no_landing(aside_m: float, kept: bool) -> None:
-    loop = Loop("nmpc-predictive", plant={"sensor": {"noise_of_reading": 0.0005}})
-    loop.run(0.5, 0.08)
-    memory = loop.state.control.memory
-    while memory.monitor.landing is None:
-        loop.run(0.001, 0.087)
-        memory = loop.state.control.memory
-    monitor = memory.monitor
-    moved = replace(monitor, landing=replace(monitor.landing, aim_m=monitor.landing.aim_m + aside_m))
-    inner = replace(memory, monitor=moved)
-    loop.state = replace(loop.state, control=replace(loop.state.control, memory=inner))
-    while loop.state.control.memory.motion is Motion.MOVE:
-        loop.run(0.001, 0.087)
-    assert (loop.state.control.memory.monitor.landing is not None) is kept
 
 
 def test_what_physics_excludes_is_not_learned_but_reported() -> None:

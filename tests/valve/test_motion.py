@@ -11,6 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import simpson, solve_ivp
 
+from plant_emulator import valve as plant
+from plant_emulator.presets import plant_settings
 from positioner.valve.motion import Load, MotionModel, Transition
 from positioner.valve.parameters import ValveParameters
 
@@ -23,6 +25,13 @@ VALVES = {
     "very overdamped, preloaded": replace(NOMINAL, viscous_friction_n_s_per_m=9000.0, bench_set_n=300.0),
     "frictionless": replace(NOMINAL, static_friction_n=0.0, coulomb_friction_n=0.0),
 }
+MODEL = MotionModel.of(NOMINAL)
+loads = st.builds(
+    Load,
+    st.floats(3e4, 1e5),
+    st.floats(300.0, 2500.0),
+    st.floats(150.0, 1200.0) | st.just(CRITICAL_N_S_PER_M) | st.just(CRITICAL_N_S_PER_M * (1.0 + 1e-7)),
+)
 any_valve = st.sampled_from(list(VALVES.values()))
 positions_m = st.floats(0.0, 0.14)
 speeds_m_per_s = st.floats(1e-3, 2.0)
@@ -210,3 +219,60 @@ def test_the_work_of_the_pressure_goes_into_spring_speed_and_friction(name: str)
     rubbed = valve.coulomb_friction_n * (end_x - x)
     given_j = valve.force_gain_n_per_ma * u * (end_x - x)
     assert given_j == pytest.approx(stored(end_x, end_v) - stored(x, v) + damped + rubbed, rel=1e-9)
+
+
+@settings(max_examples=40)
+@given(loads, signs, st.floats(0.03, 0.1), st.floats(0.0, 8.0), st.floats(0.0, 0.9))
+def test_the_stop_is_where_the_plant_stops(load: Load, s: float, x: float, push_ma: float, part: float) -> None:
+    # F_s = F_c and a band of 0.1 µm/s: what is left of the plant's friction is the filter's
+    overrides = {
+        "valve": {
+            "initial_position_m": x,
+            "spring_rate_n_per_m": load.spring_n_per_m,
+            "static_friction_n": load.friction_n,
+            "coulomb_friction_n": load.friction_n,
+            "viscous_friction_n_s_per_m": load.viscous_n_s_per_m,
+            "stick_velocity_m_per_s": 1e-7,
+            "travel_min_m": -0.9,
+            "travel_max_m": 0.9,
+        }
+    }
+    valve = plant_settings("paper", overrides)
+    start = plant.initial_state(valve, 1)
+    middle_ma = MODEL.current_ma(load.spring_n_per_m * x)
+    push = middle_ma + s * (load.friction_n / MODEL.gain_n_per_ma + 0.2 + push_ma)
+    pushed = plant.step(valve, start, push, 1e-3)
+    brake = middle_ma - s * part * load.friction_n / MODEL.gain_n_per_ma
+    stopped = plant.step(valve, pushed, brake, 0.5)
+
+    end = MODEL.step(x, 0.0, push, load, s, 1e-3)
+    assert end.x == pytest.approx(pushed.stem.position_m, abs=1e-9)
+    assert end.v == pytest.approx(pushed.stem.velocity_m_per_s, abs=1e-6)
+    rest = MODEL.step(end.x, end.v, brake, load, s, 0.5)
+    assert rest.stopped
+    assert rest.v == 0.0
+    # where braking beats friction at the stop, the plant turns round and moves on
+    assume(stopped.stem.reversals == 0)
+    assert rest.x == pytest.approx(stopped.stem.position_m, abs=2e-9)
+
+
+@given(signs, positions_m, currents_ma)
+def test_a_stem_that_rests_unpushed_stays(s: float, x: float, u: float) -> None:
+    assume(s * (MODEL.push_n(u, s, Load.of(NOMINAL).friction_n) - Load.of(NOMINAL).spring_n_per_m * x) <= 0.0)
+    for still in (0.0, -0.0):
+        end = MODEL.step(x, still, u, Load.of(NOMINAL), s, 1e-3)
+        assert end.stopped
+        assert end.x == pytest.approx(x, abs=1e-15)
+
+
+@given(loads, signs, positions_m, st.floats(0.01, 10.0))
+def test_a_stem_that_is_pushed_leaves_its_rest_in_either_direction(load: Load, s: float, x: float, more: float) -> None:
+    u = MODEL.current_ma(load.spring_n_per_m * x + s * load.friction_n) + s * more
+    for still in (0.0, -0.0):
+        assert s * MODEL.step(x, still, u, load, s, 1e-3).v > 0.0
+
+
+def test_current_and_push_are_inverse() -> None:
+    model = MotionModel.of(ValveParameters(id="preloaded", bench_set_n=700.0))
+    assert model.push_n(model.current_ma(1234.5), 1.0, 0.0) == pytest.approx(1234.5)
+    assert model.push_n(model.current_ma(1000.0), -1.0, 200.0) == pytest.approx(1200.0)

@@ -1,1 +1,1 @@
-"""The default law, and everything that only it uses. Pure."""
+"""The law `quasi-static`: moves that end where spring and sliding friction balance the pressure. Pure."""

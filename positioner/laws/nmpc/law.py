@@ -1,11 +1,18 @@
-"""The law `nmpc`: it moves the stem as fast as it can still be stopped, then waits. Pure, but for the solver inside.
+"""The laws `quasi-static` and `nmpc`: moves that end where spring and sliding friction balance the pressure. Pure.
 
-    REST    the stem rests in the middle of its stick band; readings are averaged until an error is certain
-    MOVE    Γ frees the stem, then the LTV-QP of `plan` takes it to the setpoint
-    SETTLE  the model says that the stem has stopped: the middle of the stick band for some milliseconds, then REST
+    estimate    the pressure follows the commands by the model; once it has arrived and the stem has had the time to
+                follow, the readings are a rest, and their mean is the position
+    decide      at rest: is another move worth while? At the end of a move: what does it teach, and what comes next?
 
-The place where the stem comes to rest corrects the estimate of spring and friction. Whether a push freed the stem
-corrects Γ. The stiction table keeps both, and the law reads them from it after a restart.
+A move commands one level, at which the model of the valve stops the stem at its target, and holds it until the stem
+rests there: neither the lag of the actuator nor the speed of the stem enters, so a wrong lag costs time and no place.
+Then the current goes to the middle of the stick band, where no force of either sign frees the stem easily. What is
+learned of the valve is learned at rest (`belief`). A lag that was seen to be no shorter than configured is hurried
+through: the current stays at its limit until seven tenths of the way are done. With braked moves the first ones are
+hurried, too, once the stem was seen to stand still under the level: a pressure that is there at once is not.
+
+A correction is made where it is worth while (`move.is_worth_it`). After seven moves to one setpoint the stem is left,
+and tried again each second or two, and at last every 60 s. The law `nmpc` brakes moves where it can (`braking`).
 """
 
 from __future__ import annotations
@@ -14,239 +21,461 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.bounds import Bounds
-from positioner.laws.estimator_settings import measurement_sigma_m
-from positioner.laws.law import Decision
-from positioner.laws.move_reason import MoveReason
-from positioner.laws.nmpc.breakaway import load_from_table
-from positioner.laws.nmpc.departure import Departing
-from positioner.laws.nmpc.filter import Resting, Sliding, as_one_more_m2, average, believed_m, taught
-from positioner.laws.nmpc.landing import Landing
-from positioner.laws.nmpc.late_commands import ahead, is_push_late, still_resting, with_current_of_rest, with_lateness
-from positioner.laws.nmpc.memory import NmpcMemory, report, with_resolution
-from positioner.laws.nmpc.move import move_of
-from positioner.laws.nmpc.plan import plan_move
-from positioner.laws.nmpc.rest import update_at_rest, without_trial
-from positioner.laws.nmpc.verification import RestMonitor, Verification
+from positioner.laws.correction import LEFT
+from positioner.laws.law import Decision, Estimate
+from positioner.laws.nmpc.belief import Landing, belief_of
+from positioner.laws.nmpc.judging import CERTAIN, LAND_BLOCKS, LAND_S, OF_READING, Judge
+from positioner.laws.nmpc.kept import lesson_of, taught
+from positioner.laws.nmpc.lag import MORE_PATIENCE_S, PATIENCE_S, more_lag_s, way_of
+from positioner.laws.nmpc.landing import landing_of
+from positioner.laws.nmpc.memory import Move, NmpcMemory
+from positioner.laws.nmpc.move import (
+    LARGE,
+    LEFT_OF_STEP,
+    Currents,
+    Limits,
+    Stage,
+    Step,
+    boost_samples,
+    can_follow,
+    is_worth_it,
+    margin_m,
+    steps_to,
+    tolerance_m,
+    waits_s,
+)
+from positioner.laws.nmpc.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
-from positioner.valve.stiction import LearnedSample, Quantity, StictionTable, direction_of
+from positioner.valve.actuator import left_of_lag
+from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.estimator_settings import EstimatorSettings
-    from positioner.laws.law import Estimate, Observation
-    from positioner.laws.nmpc.filter import AdaptiveFilter
-    from positioner.laws.nmpc.move import Move
-    from positioner.laws.nmpc.settings import NmpcSettings
-    from positioner.optimization.qp import Solver
+    from positioner.laws.law import Observation
+    from positioner.laws.move_reason import MoveReason
+    from positioner.laws.nmpc.braking import Braking
     from positioner.valve.parameters import ValveParameters
-    from positioner.valve.state import StemState
+    from positioner.valve.pressure import PressureModel
+    from positioner.valve.stiction import StictionTable
+
+_NEW_TOLERANCE = 0.0007
+"""Of the span: a new setpoint that is nearer than this needs no move."""
+_HASTY, _LONG_S = 5.0, 0.15
+"""σ of the mean that an error must exceed before the readings of 0.15 s have been averaged."""
+_MOST_MOVES = 6
+"""Corrections at one setpoint. With 14 the robustness test loses as many dwells, 384 instead of 386, and a stem whose
+reading stands still is thrown about for twice as long."""
+_SLID = 0.9
+"""Of F_c: a push beyond it may have moved the stem, so that its place is a landing."""
+_PUSHED, _CHANCE = 0.6, 2
+"""Of F_s: a weaker push that moved nothing teaches nothing. More pushes in a row that have not moved the stem their way
+are no chance: the valve differs, as where the actuator is reversed."""
+_FREED = 0.5
+"""Of the slip jump: a stem that a force frees slides at least through it, as far as F_s and F_c are known. Noise that
+is alike from reading to reading moves a rest by less, and would be taken for a force of several mA."""
+_LAG_SAMPLES, _SHORTER = 4.0, 0.8
+"""A lag of fewer samples is not hurried, nor one of which less than 80 % is seen."""
+_AT_LIMIT_MA = 0.2
+"""So near to its limit a level pushes the stem as far as any."""
+_SMOOTHING = 0.35
+"""Weight of the newest reading in the smoothed one."""
+_TRACKING = 0.3
+"""Weight of the newest reading in the position of a moving stem."""
+_SEEN, _OF_MOVE = 3.0, 0.25
+"""σ of a lag, and the part of the move's length that it must be below for the move to show the lag."""
 
 
 @dataclass(frozen=True, slots=True)
 class NmpcLaw:
-    """The law; `solver` takes H_u variables and H_u + H_p rows."""
+    """The law of one valve; the constants of a cycle.
+
+    keeps: the stiction table learns where moves end (`kept`), and is read at `table_from_s`, in s since control began.
+    braking: of braked moves, None where none are made.
+    """
 
     name: str
-    valve: ValveParameters
-    settings: NmpcSettings
-    estimator: EstimatorSettings
-    filter: AdaptiveFilter
-    solver: Solver
-    current_low_ma: float
-    current_high_ma: float
-    period_s: float
-    command_delay_s: float
-    table_from_s: float
-    table_cell_m: float
+    judge: Judge
+    limits: Limits
+    model: PressureModel
+    keeps: bool = True
+    braking: Braking | None = None
+    table_from_s: float = 0.0
+    rate_ma_per_s: float = math.inf
 
     @property
-    def longest_move_s(self) -> float:
-        """The longest time in s that a move can take; a stem that slides longer in the model has stopped in fact."""
-        return 3.0 + 10.0 * self.valve.viscous_friction_n_s_per_m / self.valve.spring_rate_n_per_m
+    def valve(self) -> ValveParameters:
+        """The valve as configured."""
+        return self.judge.valve
 
     def begin(self, measured_m: float) -> NmpcMemory:
-        """Return the memory of a stem that rests somewhere; the first `estimate` uses the reading."""
-        nominal = self.filter.nominal
-        stem = self.filter.at_rest(
-            measured_m, self.valve.span_m * self.valve.span_m, nominal, self.filter.prior_sigmas()
+        """Return the memory of a law whose first setpoint is this reading, in m, and that knows what is configured."""
+        doubt_m = 0.1 * self.valve.span_m
+        move = Move(None, 0.0, measured_m, 0.0, 0.0, 0.0, measured_m, doubt_m * doubt_m, 0.0)
+        belief = belief_of(self.valve)
+        memory = NmpcMemory(
+            belief, Noise(), move, NO_REST, None, measured_m, doubt_m * doubt_m, measured_m, setpoint_m=measured_m
         )
-        ratio = self.valve.static_friction_n / nominal.friction_n if nominal.friction_n else 1.0
-        return NmpcMemory(stem, RestMonitor(ratio))
+        sigma_m = self.judge.sigma_m(measured_m)
+        memory = replace(memory, setpoint_m2=sigma_m * sigma_m)
+        return memory if self.braking is None else replace(memory, hurries=True, braked=self.braking.begun())
+
+    def resumed(self, memory: NmpcMemory, measured_m: float) -> NmpcMemory:
+        """Return the memory of a law that starts again at a place in m, and knows what it has learned of the valve."""
+        return self.begin(measured_m).knowing(memory)
+
+    # -- what a reading says
 
     def estimate(self, memory: NmpcMemory, observation: Observation) -> tuple[NmpcMemory, Estimate]:
-        """Return the memory and the stem after this cycle's reading: a Kalman filter in motion, an average at rest."""
-        memory = with_lateness(memory, observation)
-        stem = memory.stem
-        # the place where a rest began: readings of one rest are compared in one unit
-        place_m = stem.anchor.x if isinstance(stem, Resting) else stem.x
-        sigma_m = measurement_sigma_m(self.estimator, self.valve, place_m)
-        monitor, measured_m = memory.monitor, observation.measured_m
-        variance_m2 = monitor.noise.averaged_m2(sigma_m)
-        noise_m2 = monitor.noise.of_reading * sigma_m * sigma_m
-        if monitor.resolution.last_m is None:
-            variance_m2 = noise_m2  # nothing came before the first reading that it could remember
-        hidden_m2 = monitor.resolution.hidden_m2(noise_m2)
-        memory = with_resolution(memory, measured_m)
-        if isinstance(stem, Sliding):
-            if is_push_late(memory, stem, observation):
-                return still_resting(self.filter, memory, stem, observation, variance_m2)
-            return self._track(memory, stem, observation, variance_m2 + hidden_m2, noise_m2 + hidden_m2)
-        if memory.motion is Motion.REST:
-            own, cell_m = self.settings, self.table_cell_m
-            return update_at_rest(own, self.filter, cell_m, memory, stem, observation, variance_m2, sigma_m)
-        variance_m2 = as_one_more_m2(stem, variance_m2, hidden_m2)
-        after = average(stem, believed_m(stem.x, stem.variance_m2, measured_m, noise_m2 + hidden_m2), variance_m2)
-        left_s = memory.settle_s - observation.elapsed_s
-        motion = Motion.SETTLE if left_s > _INSTANT_S else Motion.REST
-        return replace(memory, stem=after, settle_s=left_s, motion=motion), report(after)
+        """Return the memory with this cycle's reading in it, and the stem."""
+        pressure, move, sent_ma, behind_ma = memory.pressure, memory.move, memory.sent_ma, memory.behind_ma
+        if pressure is None:
+            sent_ma = behind_ma = observation.applied_ma
+            pressure = self.model.at_rest(sent_ma)
+            move = replace(move, level_ma=sent_ma, before_ma=sent_ma, from_ma=sent_ma)
+        model = self.model if self.braking is None else self.model.with_lag(memory.belief.lag)
+        for _ in range(max(1, round(observation.elapsed_s / self.judge.period_s))):
+            pressure = model.after(pressure, sent_ma)
+        measured_m, elapsed_s, more_s = observation.measured_m, observation.elapsed_s, memory.more_lag_s
+        if more_s == 0.0:
+            behind_ma = pressure.pressure_ma
+        else:
+            from_ma = pressure.converter_ma
+            behind_ma = from_ma + (behind_ma - from_ma) * left_of_lag(
+                elapsed_s, self.valve.actuator.own_lag_s(fills=from_ma > behind_ma) + more_s
+            )
+        smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
+        area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
+        move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
+        memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma, behind_ma=behind_ma)
+        memory = replace(memory, way_s=memory.way_s + elapsed_s)
+        if self.braking is not None:
+            memory = self.braking.read(memory, measured_m)
+        arrived, lessons = abs(behind_ma - move.level_ma) <= self.judge.near_ma(memory), memory.lessons
+        memory = replace(memory, settled_s=memory.settled_s + elapsed_s if arrived else 0.0, lessons=())
+        if memory.settled_s >= self.judge.follows_s(memory):
+            memory = self.judge.rested(memory, measured_m, elapsed_s)
+        if memory.rest.readings:
+            mean_m = memory.rest.mean_m
+            mean_m2 = self.judge.reading_m2(memory, mean_m) / memory.rest.readings
+            memory = replace(memory, position_m=mean_m, position_m2=mean_m2)
+        else:
+            position_m = memory.position_m + _TRACKING * (measured_m - memory.position_m)
+            memory = replace(memory, position_m=position_m)
+        direction = -1.0 if memory.move.direction < 0.0 else 1.0
+        stuck = memory.move.stage is None or memory.rest.readings > 0
+        return memory, Estimate(StemState(memory.position_m, 0.0, stuck, direction), lessons)
+
+    # -- what to do
 
     def decide(
         self, memory: NmpcMemory, stem: StemState, observation: Observation, table: StictionTable
     ) -> tuple[NmpcMemory, Decision]:
-        """Return the memory, and the decision: to hold the stem, to free it, or to follow the plan."""
-        if observation.time_s < self.table_from_s:
-            table = StictionTable(table.cell_width_m)
-        if memory.setpoint_m is None:
-            memory = self._with_load_of_table(memory, table)
-        if observation.setpoint_m != memory.setpoint_m:
-            wanted_m = observation.setpoint_m
-            pushes = memory.pushes.for_setpoint(wanted_m, self.valve.span_m)
-            is_new = memory.setpoint_m is not None
-            memory = replace(memory, setpoint_m=wanted_m, is_new=is_new, aim_m=wanted_m, corrections=0, pushes=pushes)
-        here, setpoint_m = memory.stem, observation.setpoint_m
-        if isinstance(here, Sliding):
-            soon = ahead(self.filter, memory, here, observation, self.period_s)
-            if soon.stopped:
-                return memory, self._held(soon.load.spring_n_per_m * soon.x, Motion.MOVE)
-            return memory, self._follow(self._move(memory, soon, memory.aim_m))
-        pushes = memory.pushes
-        if pushes.unreported:
-            memory = replace(memory, pushes=replace(pushes, unreported=False))
-        may = pushes.may_push(observation.time_s) or pushes.has_moved(here.x, here.sigma_m)
-        # a first command that acts later, or late, must be one that holds the stem: no echo can tell yet what acts
-        may = may and (memory.hold_ma is not None or not self.command_delay_s)
-        if stem.stuck and may and memory.motion is Motion.REST and self._is_worth_a_move(memory, here, setpoint_m):
-            memory, begin = without_trial(self.settings.watch, memory, here, observation.time_s)
-            memory, decision = self._start(memory, begin, observation, table)
-        else:
-            memory, decision = self._rest(memory, here)
-        if memory.is_new and memory.motion is not Motion.SETTLE:
-            memory = replace(memory, is_new=False)
-        if pushes.unreported:
-            decision = replace(decision, failed_pushes=pushes.failed, rest_s=pushes.rest_s)
-        return memory, decision
-
-    def _track(
-        self, memory: NmpcMemory, stem: Sliding, observation: Observation, variance_m2: float, noise_m2: float
-    ) -> tuple[NmpcMemory, Estimate]:
-        """Return the memory and the sliding stem; when the model or the reading has stopped it, it settles."""
-        ahead = self.filter.advance(stem, observation.applied_ma, observation.elapsed_s)
-        here_m = observation.measured_m
-        if self.command_delay_s:  # the estimate is for the instant at which this cycle's command acts
-            at_reading_s = max(observation.elapsed_s - self.command_delay_s, 0.0)
-            here_m += self.filter.moved_m(stem, ahead, observation.applied_ma, at_reading_s)
-        here_m = believed_m(ahead.x, ahead.covariance.xx, here_m, noise_m2)
-        after = self.filter.correct(ahead, here_m, variance_m2)
-        overdue = observation.time_s > memory.ends_s
-        if not after.stopped and not overdue:
-            return replace(memory, stem=after), report(after)
-        rest = self.filter.rest(after)
-        monitor, landing = memory.monitor.at_new_place(), memory.monitor.landing
-        if landing is not None and not landing.is_planned(rest):
-            monitor = replace(monitor, landing=None)
-        if monitor.verification is not None and not overdue:
-            stop = LearnedSample(Quantity.STICK_SPEED, rest.x, direction_of(stem.direction), abs(stem.v))
-            monitor = replace(monitor, verification=replace(monitor.verification, stop=stop))
-        settle_s = self.settings.settle_s
-        memory = replace(memory, stem=rest, monitor=monitor, motion=Motion.SETTLE, settle_s=settle_s, hold_ma=None)
-        return memory, report(rest)
-
-    def _with_load_of_table(self, memory: NmpcMemory, table: StictionTable) -> NmpcMemory:
-        """Return the memory with K and friction from the table, so that a restart does not change the law."""
-        stem, sigmas = memory.stem, self.filter.prior_sigmas()
-        assert isinstance(stem, Resting)  # noqa: S101 - control begins at rest
-        load, sigmas = load_from_table(
-            self.settings.breakaway, self.filter.model, table, self.filter.nominal, sigmas, memory.monitor.ratio
+        """Return the memory after the decision, and the decision; the stiction table is read once."""
+        del stem
+        setpoint_m = observation.setpoint_m
+        if self.keeps and not memory.has_read and observation.time_s >= self.table_from_s:
+            belief = taught(memory.belief, table, self.valve, self.judge.sigma_m(memory.position_m))
+            memory = replace(memory, belief=belief, has_read=True)
+            memory = memory if self.braking is None else self.braking.taught(memory)
+        if setpoint_m != memory.setpoint_m:
+            memory = replace(memory, setpoint_m=setpoint_m, setpoint_m2=0.0, is_new=True, tries=0, pending=())
+            memory = memory if self.braking is None else self.braking.aimed(memory, setpoint_m)
+        ends_ma, left_m = (self.limits.low_ma, self.limits.high_ma), LEFT * self.valve.span_m
+        setpoint_m = memory.belief.nearest_m(setpoint_m, self.judge.stem_m(memory), *ends_ma, left_m)
+        reason: MoveReason | None = None
+        move, failed, belief = memory.move, memory.failed, memory.belief
+        if move.stage is None or (move.stage is Stage.RETURN and memory.is_new):
+            memory, reason = self._considered(memory, setpoint_m)
+        elif memory.pending and self.judge.is_away(memory):
+            sigma_m = OF_READING * self.judge.noise_m(memory)
+            memory = replace(memory, position_m=memory.smooth_m, position_m2=sigma_m * sigma_m)
+            memory, reason = self._next(memory, setpoint_m)
+            memory = replace(memory, move=replace(memory.move, is_hurried=True))
+        elif memory.rest.readings and self.judge.is_judged(memory, setpoint_m):
+            memory = self._followed(self.judge.settled(memory))
+            if memory.settled_s:
+                memory, reason = self._next(self._learned(memory, setpoint_m), setpoint_m)
+        before, (move, current_ma) = memory.move.slip, self._sent(memory)
+        step_ma, sent_ma = self.rate_ma_per_s * self.judge.period_s, memory.sent_ma
+        current_ma = min(max(current_ma, sent_ma - step_ma), sent_ma + step_ma)
+        bounds = Bounds(-math.inf, math.inf, self.limits.low_ma, self.limits.high_ma)
+        motion = Motion.REST if move.stage is None else Motion.MOVE
+        memory = replace(memory, move=move, sent_ma=current_ma)
+        failed = memory.failed if memory.failed > failed else 0
+        if memory.belief is not belief:
+            memory = replace(memory, is_other=memory.more_lag_s != 0.0 or memory.belief.differs)
+        differs = memory.is_other or memory.failed > _CHANCE
+        passes = move.slip.solved - before.solved if move.slip is not None and before is not None else 0
+        return memory, Decision(
+            current_ma, bounds, motion, passes=passes, reason=reason, failed_pushes=failed, differs=differs
         )
-        return replace(memory, stem=self.filter.at_rest(stem.x, stem.variance_m2, load, sigmas))
 
-    def _is_worth_a_move(self, memory: NmpcMemory, here: Resting, setpoint_m: float) -> bool:
-        """Whether the error is probably beyond the tolerance: a new setpoint is worth a move sooner than a correction.
+    def _sent(self, memory: NmpcMemory) -> tuple[Move, float]:
+        """Return the move, and the current in mA of the next sample."""
+        move = memory.move
+        if move.slip is not None and self.braking is not None:
+            return self.braking.sent(memory, move, move.slip)
+        if move.waits > 0:
+            move = replace(move, waits=move.waits - 1)
+            if self.judge.is_moving(memory):
+                return replace(move, waits=0), move.level_ma
+            return move if move.waits else self._boosted(memory, move), move.level_ma
+        if move.boosted > 0 and not self.judge.is_near(memory):
+            return replace(move, boosted=move.boosted - 1), move.boost_ma
+        return replace(move, boosted=0) if move.boosted else move, self.limits.clipped(move.level_ma)
 
-        While it is open whether the move before has happened, a correction must be right in both cases.
-        """
-        own, error_m, tried = self.settings, setpoint_m - here.x, memory.monitor.verification
-        patience = 1.0 + own.patience * min(memory.corrections, own.patience_limit)
-        doubt_sigma = own.doubt_sigma if memory.corrections else own.doubt_sigma_unasked
-        if memory.is_new:
-            doubt_sigma = own.doubt_sigma_first
-        if abs(error_m) <= patience * (own.tolerance_m + doubt_sigma * here.sigma_m):
-            return False
-        if tried is None or not memory.corrections:
+    def _next(self, memory: NmpcMemory, setpoint_m: float) -> tuple[NmpcMemory, MoveReason | None]:
+        """Return the memory after a move that has been judged, and why another one begins."""
+        if memory.pending:
+            return self._onward(memory, setpoint_m)
+        if memory.move.stage not in (Stage.LAND, Stage.SLIP):
+            return self._considered(replace(memory, move=replace(memory.move, stage=None)), setpoint_m)
+        if memory.failed == 0 and memory.move.stage is Stage.LAND:
+            memory = replace(memory, lasts_s=memory.move.since_s)
+        elif memory.failed == 0 and memory.way_s > memory.move.since_s:
+            memory = replace(memory, lasts_s=memory.way_s - memory.rest.duration_s)
+        if self._is_worth_it(memory, setpoint_m) and memory.tries <= _MOST_MOVES:
+            return self._planned(memory, setpoint_m)
+        return self._left(replace(memory, is_new=False)), None
+
+    def _onward(self, memory: NmpcMemory, setpoint_m: float) -> tuple[NmpcMemory, MoveReason | None]:
+        """Return the memory after a move away, and why the next one begins."""
+        step, *later = memory.pending
+        if (braked := self._braked(memory, setpoint_m, by_reading=True)) is not None:
+            return braked
+        goes_no_farther = memory.move.level_ma in (self.limits.low_ma, self.limits.high_ma)
+        is_far = can_follow(memory.belief, self.judge.stem_m(memory), step, self._through(memory))
+        if not (goes_no_farther or is_far) and memory.tries <= _MOST_MOVES:
+            return self._planned(memory, setpoint_m)
+        return self._begun(replace(memory, pending=tuple(later)), step)
+
+    def _left(self, memory: NmpcMemory) -> NmpcMemory:
+        """Return the memory of a stem that stays: the pressure goes to the middle of its band, or stays at a limit."""
+        move, noise = memory.move, memory.noise.after(memory.rest)
+        if move.stage is Stage.SLIP:  # it is there
+            return replace(memory, move=replace(move, stage=None))
+        setpoint_m, ends_ma = memory.setpoint_m, (self.limits.low_ma, self.limits.high_ma)
+        beyond_m = abs(setpoint_m - memory.belief.reachable_m(setpoint_m, *ends_ma))
+        stays = min(abs(move.level_ma - end_ma) for end_ma in ends_ma) < _AT_LIMIT_MA
+        stays = stays and beyond_m > LARGE * self.valve.span_m
+        rests_ma = move.level_ma - (0.0 if stays else move.direction * memory.belief.sliding_ma)
+        move = self._commanded(memory, Stage.RETURN, move.direction, move.target_m, rests_ma)
+        return replace(memory, noise=noise, move=move, rest=NO_REST, settled_s=0.0)
+
+    def _considered(self, memory: NmpcMemory, setpoint_m: float) -> tuple[NmpcMemory, MoveReason | None]:
+        """Return the memory of a resting stem, and why a move begins, if one does."""
+        if memory.carried is not None:
+            is_brief = memory.rest.duration_s < LAND_S or memory.rest.blocks < LAND_BLOCKS
+            if is_brief and not memory.is_new:
+                return memory, None
+            memory = replace(memory, carried=None) if is_brief else self._carried(memory, *memory.carried)
+        error_m = abs(setpoint_m - self.judge.stem_m(memory))
+        if memory.is_new and error_m < _NEW_TOLERANCE * self.valve.span_m:
+            return replace(memory, is_new=False), None
+        if not memory.is_new and (memory.rest.readings < 2 or not self._is_worth_it(memory, setpoint_m)):  # noqa: PLR2004
+            return memory, None
+        sigma_m = math.sqrt(memory.position_m2) if memory.rest.readings else self.judge.noise_m(memory)
+        if memory.move.stage is None and error_m < _HASTY * sigma_m and memory.rest.duration_s < _LONG_S:
+            return memory, None
+        if memory.tries > _MOST_MOVES:  # it was left
+            is_due = memory.rest.duration_s > waits_s(memory.tries - _MOST_MOVES, moves=memory.failed == 0)
+            if not (is_due and error_m > LEFT * self.valve.span_m):
+                return memory, None
+        return self._planned(memory, setpoint_m)
+
+    def _is_worth_it(self, memory: NmpcMemory, setpoint_m: float) -> bool:
+        """Whether an error is seen, and a correction of it is worth while."""
+        stem_m, span_m, tries = self.judge.stem_m(memory), self.valve.span_m, min(memory.tries, _MOST_MOVES + 1)
+        if self.braking is not None and self.braking.is_worth_it(memory, setpoint_m):
             return True
-        origin, s = tried.origin, math.copysign(1.0, error_m)
-        # two places far apart are soon told apart
-        is_near = abs(here.x - origin.x) < _NEAR * abs(error_m)
-        return is_near and s * (setpoint_m - origin.x) > patience * (own.tolerance_m + doubt_sigma * origin.sigma_m)
+        certain_m = CERTAIN * math.sqrt(memory.position_m2 + memory.setpoint_m2)
+        if abs(setpoint_m - stem_m) <= max(tolerance_m(span_m, tries), certain_m):
+            return False
+        steps = self._steps_to(memory, setpoint_m)
+        read_m = memory.braked.read_m(steps[-1].direction)
+        return is_worth_it(memory.belief, steps, stem_m, setpoint_m, span_m, memory.lasts_s, tries, read_m)
 
-    def _rest(self, memory: NmpcMemory, here: Resting) -> tuple[NmpcMemory, Decision]:
-        """Return the middle of the stick band; the current follows it in steps only."""
-        decision, held_ma = self._held(here.spring_n_per_m * here.x, memory.motion), memory.hold_ma
-        if held_ma is not None and abs(decision.current_ma - held_ma) <= self.settings.hold_step_ma:
-            return memory, replace(decision, current_ma=held_ma)
-        return replace(memory, hold_ma=decision.current_ma), decision
+    def _steps_to(self, memory: NmpcMemory, setpoint_m: float) -> tuple[Step, ...]:
+        """Return the moves that lead to a setpoint."""
+        stem_m, through, from_m = self.judge.stem_m(memory), self._through(memory), memory.braked.from_m
+        return steps_to(memory.belief, self.limits, stem_m, setpoint_m, through, from_m)
 
-    def _held(self, spring_n: float, motion: Motion) -> Decision:
-        """Return the middle of the stick band where the spring has this force."""
-        middle_ma = min(max(self.filter.model.current_ma(spring_n), self.current_low_ma), self.current_high_ma)
-        return Decision(middle_ma, Bounds(0.0, 0.0, self.current_low_ma, self.current_high_ma), motion)
+    def _through(self, memory: NmpcMemory) -> float:
+        """Return the slip jumps from which on a stem slides through, behind the slower one of the lags."""
+        lag_s = self.valve.actuator.slower_lag_s + memory.more_lag_s
+        return self.judge.stem.slides_through(memory.belief.spring_ma_per_m, lag_s)
 
-    def _start(
-        self, memory: NmpcMemory, here: Resting, observation: Observation, table: StictionTable
-    ) -> tuple[NmpcMemory, Decision]:
-        """Return the first current of a move, at least Γ, for one sample (eqs 25, 26; D8)."""
-        monitor, setpoint_m = memory.monitor, observation.setpoint_m
-        monitor = replace(monitor, repeatability=monitor.repeatability.followed_by(here))
-        limits_ma = (self.current_low_ma, self.current_high_ma)
-        departing = Departing(self.settings, self.filter, limits_ma, self.period_s, monitor.repeatability.factor)
-        begun, fallback = departing.to(here, setpoint_m, monitor.ratio, table), ""
-        if not begun.frees:
-            low_ma, high_ma = limits_ma
-            fallback = (
-                f"breakaway takes {begun.gamma.current_ma:.2f} mA, outside {low_ma:g} to {high_ma:g} mA: full push"
-            )
-        sliding, aim_m, direction = begun.sliding, begun.aim_m, begun.sliding.direction
-        decision = self._follow(begun.move)
-        at_limit = direction * (decision.current_ma - begun.release_ma) <= _SAME_MA
-        verification = Verification(taught(here), direction, at_limit, aim_m - here.x, was_expected=begun.frees)
-        monitor = replace(monitor, verification=verification, landing=Landing(here.x, aim_m, direction))
-        ends_s, count = observation.time_s + self.longest_move_s, memory.corrections + 1
-        memory = replace(memory, stem=sliding, motion=Motion.MOVE, aim_m=aim_m, monitor=monitor, ends_s=ends_s)
-        memory = replace(with_current_of_rest(memory, observation), corrections=count)
-        reason = MoveReason(setpoint_m - here.x, begun.gamma, aim_m)
-        return memory, replace(decision, reason=reason, fallback=fallback or decision.fallback)
+    def _followed(self, memory: NmpcMemory) -> NmpcMemory:
+        """Return the memory with what a move shows of the lag; not settled where the pressure is still on its way."""
+        move, belief = memory.move, memory.belief
+        knows_lag = self.braking is not None and self.braking.knows_lag(memory)
+        is_jammed = memory.failed > 2 * _CHANCE
+        says_nothing = (move.is_hurried or knows_lag) and not is_jammed
+        if move.stage is Stage.RETURN or says_nothing:
+            return replace(memory, hurries=False) if self.judge.is_beyond(memory) else memory
+        direction = 1.0 if move.level_ma > move.from_ma else -1.0
+        step_ma, spring = direction * (move.level_ma - move.from_ma), belief.spring_ma_per_m
+        moved_m = direction * (self.judge.stem_m(memory) - move.start_m)
+        variance_m2, worth = memory.noise.of(self.judge.sigma_m(memory.position_m))
+        sigma_m = math.sqrt(memory.position_m2 + move.start_m2)
+        if moved_m < self.judge.least_m(sigma_m):
+            freed = direction * (move.level_ma - belief.balance_ma(move.start_m)) > belief.static_ma
+            patience_s = MORE_PATIENCE_S if memory.unpushed or is_jammed else PATIENCE_S
+            waits = (is_jammed or (freed and not memory.is_lag_known)) and move.since_s < patience_s
+            return replace(memory, rest=NO_REST, settled_s=0.0) if waits else memory
+        if move.is_hurried or knows_lag:
+            return memory
+        free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
+        way = way_of(step_ma, free_ma, spring, moved_m, move.since_s)
+        area_m_s = moved_m * move.since_s - direction * move.area_m_s
+        noise_m2 = move.since_s * self.judge.period_s * variance_m2 * worth
+        sigma_s = way.sigma_s(math.sqrt(noise_m2 + move.since_s * move.since_s * sigma_m * sigma_m))
+        is_blind = memory.unpushed is not None and step_ma < 2.0 * belief.sliding_ma  # on the way of the move before it
+        if is_blind or _SEEN * sigma_s > _OF_MOVE * move.since_s:
+            return memory
+        told_s, seen_s, before_s = self.valve.lag_s, way.lag_s(area_m_s), memory.more_lag_s
+        memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + before_s))
+        more_s = more_lag_s(told_s, seen_s, before_s, self.judge.period_s + _SEEN * sigma_s)
+        if more_s == before_s == 0.0:
+            return replace(memory, unpushed=None)
+        behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
+        memory = memory.behind(more_s, behind_ma)
+        arrived = abs(behind_ma - move.level_ma) <= self.judge.near_ma(memory)
+        return memory if arrived else replace(memory, rest=NO_REST, settled_s=0.0)
 
-    def _move(self, memory: NmpcMemory, here: Sliding, aim_m: float, release_ma: float | None = None) -> Move:
-        """Return the move from `here` to the aim; `release_ma` is Γ while the stem still sticks."""
-        static_n = memory.monitor.ratio * here.load.friction_n
-        limits_ma = (self.current_low_ma, self.current_high_ma)
-        return move_of(self.settings, self.filter.model, here, aim_m, static_n, limits_ma, release_ma)
+    def _learned(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
+        """Return the memory with what a move teaches."""
+        if self.braking is None:
+            return self._landed(memory)
+        memory, slip = self.braking.studied(memory), memory.move.slip
+        if slip is None:
+            return self.braking.prepared(self._landed(memory), setpoint_m)
+        memory = self.braking.slipped(memory, slip)
+        if self.keeps:
+            position_m, direction = self.judge.stem_m(memory), slip.task.direction
+            landing = Landing(position_m, direction, memory.belief.landing_ma(position_m, direction))
+            memory = replace(memory, lessons=(lesson_of(memory.belief, landing, self.valve),))
+        return self.braking.prepared(memory, setpoint_m)
 
-    def _follow(self, move: Move) -> Decision:
-        """Return the first current of the plan for `move`."""
-        found = plan_move(self.settings.approach, self.filter.model, self.solver, move, self.period_s)
-        low_ma, high_ma = sorted((move.release_ma, move.strongest_ma))
-        limit = found.speed_limit_m_per_s
-        speeds = (0.0, limit) if move.direction > 0.0 else (limit, 0.0)
-        fallback = "" if found.is_solved else "no plan: the fastest inputs that keep the bound"
-        return Decision(
-            found.inputs_ma[0], Bounds(*speeds, low_ma, high_ma), Motion.MOVE, passes=found.passes, fallback=fallback
+    def _landed(self, memory: NmpcMemory) -> NmpcMemory:
+        """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
+        move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
+        direction = move.pushes
+        if memory.pressure is None:
+            return memory
+        moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
+        push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
+        is_held, has_moved = self.limits.holds(position_m, direction), direction * moved_m > self.judge.least_m(sigma_m)
+        if has_moved:
+            if not move.is_hurried:
+                belief = belief.freed(move.start_m, direction, move.level_ma)
+            memory = replace(memory, failed=0, belief=belief)
+            if push_ma <= _SLID * belief.sliding_ma:
+                return memory
+            landing, doubt_ma2 = landing_of(move, position_m, direction, memory.behind_ma, belief.spring_ma_per_m)
+            if is_held:
+                return replace(memory, belief=belief.ran_on(landing))
+            belief = belief.landed(landing, memory.position_m2, doubt_ma2)
+            if self.keeps and move.stage is Stage.LAND:
+                memory = replace(memory, lessons=(lesson_of(belief, landing, self.valve),))
+        elif not is_held and direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
+            memory = replace(memory, failed=memory.failed + 1)
+            if self.judge.stands(moved_m, sigma_m):
+                return memory.held(belief.held(position_m, direction, move.level_ma))
+        return replace(memory, belief=belief)
+
+    def _carried(self, memory: NmpcMemory, from_m: float, from_m2: float) -> NmpcMemory:
+        """Return the memory after a force has moved a stem under a current that stood still: this is a landing, too."""
+        moved_m, sigma_m = memory.position_m - from_m, math.sqrt(memory.position_m2 + from_m2)
+        memory, direction = replace(memory, carried=None), 1.0 if moved_m > 0.0 else -1.0
+        position_m = memory.position_m + 0.5 * direction * self.valve.backlash_m
+        least_m = max(self.judge.least_m(sigma_m), _FREED * memory.belief.jump_m)
+        if abs(moved_m) < least_m or self.limits.holds(position_m, direction):
+            return memory
+        landing = Landing(position_m, direction, memory.behind_ma)
+        belief = memory.belief.landed(landing, memory.position_m2, 0.0, is_force=True)
+        return replace(memory, belief=belief, move=replace(memory.move, direction=direction))
+
+    def _planned(self, memory: NmpcMemory, setpoint_m: float) -> tuple[NmpcMemory, MoveReason | None]:
+        """Return the memory in which the first move to the setpoint has begun, and why."""
+        memory = replace(
+            memory,
+            is_new=False,
+            tries=memory.tries + 1,
+            way_s=0.0,
+            noise=memory.noise.after(memory.rest),
+            belief=memory.belief.after_move(memory.braked.changes),
         )
+        if (braked := self._braked(memory, setpoint_m)) is not None:
+            return braked
+        step, *later = self._steps_to(memory, setpoint_m)
+        return self._begun(replace(memory, pending=tuple(later)), step)
 
+    def _begun(self, memory: NmpcMemory, step: Step) -> tuple[NmpcMemory, MoveReason | None]:
+        """Return the memory in which a move has begun, and why it begins."""
+        belief, pressure = memory.belief, memory.pressure
+        start_m, direction = self.judge.stem_m(memory), step.direction
+        level_m = step.target_m
+        if step.stage is Stage.AWAY and memory.pending and self.judge.is_sure(memory):
+            level_m += direction * 2.0 * CERTAIN * OF_READING * self.judge.noise_m(memory)
+        move = self._commanded(memory, step.stage, direction, step.target_m, belief.landing_ma(level_m, direction))
+        if pressure is not None:
+            move = self._hurried(memory, move)
+            swings = self.judge.stem.swings(belief.spring_ma_per_m, self.valve.actuator.lag_s(fills=direction > 0.0))
+            if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and swings:
+                currents = Currents(direction, move.level_ma, move.boost_ma, move.boosted)
+                beyond_m = direction * self.judge.stem.beyond_m(self.model, pressure, belief, start_m, currents)
+                level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
+                move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
+        reason = belief.reason(start_m, step.target_m, direction, self.valve.force_gain_n_per_ma)
+        goes_on = memory.move.stage is Stage.AWAY and not memory.rest.readings
+        memory = replace(memory, move=move, rest=NO_REST, settled_s=0.0)
+        return memory if self.braking is None else self.braking.with_way(memory, goes_on=goes_on), reason
 
-_NEAR = 0.5
-"""Two possible places of the stem are near each other within this part of the error."""
-_INSTANT_S = 1e-9
-"""Rounding of a sum of periods."""
-_SAME_MA = 0.05
-"""Currents that differ by less push equally hard."""
+    def _braked(
+        self, memory: NmpcMemory, setpoint_m: float, *, by_reading: bool = False
+    ) -> tuple[NmpcMemory, MoveReason] | None:
+        """Return the memory in which a braked move has begun, and why it begins; None where none is made.
+
+        by_reading: whether only one that is braked by reading will do.
+        """
+        found = None if self.braking is None else self.braking.plan(memory, setpoint_m)
+        if self.braking is None or found is None or (by_reading and not found[0].by_reading):
+            return None
+        slip, task, belief = found[0], found[0].task, memory.belief
+        move = self._commanded(memory, Stage.SLIP, task.direction, setpoint_m, task.hold_ma)
+        reason = belief.reason(task.start_m, setpoint_m, task.direction, self.valve.force_gain_n_per_ma)
+        move = replace(move, slip=slip, is_hurried=True)
+        memory = replace(memory, move=move, rest=NO_REST, settled_s=0.0, pending=())
+        return self.braking.with_track(memory, slip), reason
+
+    def _commanded(self, memory: NmpcMemory, stage: Stage, direction: float, target_m: float, level_ma: float) -> Move:
+        """Return a move to a level, from where the stem is now."""
+        before_ma = memory.move.level_ma
+        from_ma = before_ma if memory.pressure is None else memory.behind_ma
+        start_m, near_m = self.judge.stem_m(memory), margin_m(memory.belief)
+        level_ma = self.limits.clipped(level_ma)
+        return Move(stage, direction, target_m, level_ma, before_ma, from_ma, start_m, memory.position_m2, near_m)
+
+    def _hurried(self, memory: NmpcMemory, move: Move) -> Move:
+        """Return the move whose current stays at its limit at first, where the pressure lags.
+
+        While no move has shown the lag, the level is commanded before it: it moves a stem at once where none is there.
+        """
+        if memory.is_lag_known or not memory.hurries:
+            return self._boosted(memory, move)
+        judge = self.judge
+        shows_s = judge.stem.shows_after_s(memory.belief.spring_ma_per_m) + judge.valve.sensor_time_constant_s
+        return replace(move, waits=2 + math.ceil(shows_s / judge.period_s))
+
+    def _boosted(self, memory: NmpcMemory, move: Move) -> Move:
+        """Return the move with the samples in which the current stays at its limit."""
+        from_ma = memory.behind_ma
+        fills = move.level_ma > from_ma
+        lag_s = self.valve.actuator.lag_s(fills=fills) + memory.more_lag_s if memory.hurries else 0.0
+        if lag_s <= _LAG_SAMPLES * self.judge.period_s:
+            return move
+        boost_ma = self.limits.high_ma if fills else self.limits.low_ma
+        whole_ma, step_ma = boost_ma - from_ma, move.level_ma - from_ma
+        samples = boost_samples(lag_s, self.judge.period_s, whole_ma, step_ma, LEFT_OF_STEP[move.stage])
+        return replace(move, boost_ma=boost_ma, boosted=samples, is_hurried=samples > 0)

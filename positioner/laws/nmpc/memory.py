@@ -1,81 +1,162 @@
-"""What the law `nmpc` carries from cycle to cycle, and how it reports the stem. Pure."""
+"""What the law `quasi-static` carries from cycle to cycle. Pure."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import field
 from typing import TYPE_CHECKING
 
-from positioner.laws.law import Estimate
-from positioner.laws.nmpc.filter import Resting, Sliding
-from positioner.laws.pushes import Pushes
 from positioner.values import dataclass, replace
-from positioner.valve.state import StemState
-from positioner.wire.messages import Motion
 
 if TYPE_CHECKING:
-    from positioner.laws.nmpc.verification import RestMonitor
+    from positioner.laws.nmpc.belief import ValveBelief
+    from positioner.laws.nmpc.move import Stage, Step
+    from positioner.laws.nmpc.rest import Noise, Rest
+    from positioner.laws.nmpc.slip import SlipPlan
+    from positioner.laws.nmpc.study import Way
+    from positioner.laws.nmpc.track import Track
+    from positioner.valve.pressure import PressureState
     from positioner.valve.stiction import LearnedSample
 
 
 @dataclass(frozen=True, slots=True)
-class Lateness:
-    """By how many samples commands act late, and a number that was seen instead in so many of the last cycles."""
+class Move:
+    """The move that is made; at rest, in the middle of the stick band, the last one without its stage.
 
-    samples: int = 0
-    seen: int = 0
-    times: int = 0
+    level_ma, before_ma: the level, and the one before it. from_ma: pressure at the begin. start_m, start_m2: where the
+    stem was, and the variance of that. boost_ma, boosted: the limit, and for how many samples more it is commanded;
+    waits: for how many its level is commanded before that, to see whether the pressure lags at all. inertia_m: how far
+    mass was expected to carry the stem beyond its balance, with the sign of the direction. margin_m: how far from its
+    target a move away may end. since_s: its age. area_m_s: the integral of the readings from where it began.
+    is_hurried: it began at the limit of the current. slip: of a braked move; sent: how many of its currents.
+    """
 
-    def is_just(self, late: int) -> bool:
-        """Whether commands that are `late` by so many samples are no news."""
-        return late == self.samples and self.times == 0
+    stage: Stage | None
+    direction: float
+    target_m: float
+    level_ma: float
+    before_ma: float
+    from_ma: float
+    start_m: float
+    start_m2: float
+    margin_m: float
+    boost_ma: float = 0.0
+    boosted: int = 0
+    waits: int = 0
+    inertia_m: float = 0.0
+    since_s: float = 0.0
+    area_m_s: float = 0.0
+    is_hurried: bool = False
+    slip: SlipPlan | None = None
+    sent: int = 0
 
-    def followed_by(self, late: int) -> Lateness:
-        """Return the lateness after a cycle in which commands are `late` by so many samples."""
-        times = self.times + 1 if self.times and late == self.seen else 1
-        return Lateness(late) if times >= _SURE or late == self.samples else Lateness(self.samples, late, times)
+    @property
+    def pushes(self) -> float:
+        """Direction in which its level pushes the stem, ±1; the same level again pushes on."""
+        change_ma = self.level_ma - self.before_ma
+        return math.copysign(1.0, change_ma) if change_ma else self.direction
 
 
-_SURE = 3
-"""In so many cycles in a row a number of pending commands is no accident."""
+@dataclass(frozen=True, slots=True)
+class Braked:
+    """What braked moves carry.
+
+    planned_m2, reading_m2: variance of stops that are planned, and of those that are braked by reading. from_m: how far
+    away from the setpoint the latter begin, upwards and downwards; 0 where none is made. changes, roams: variance by
+    which forces and friction change from move to move, and friction on the way, over what is expected; left_part: of
+    the rollout's variance, what is left of ways, at first a tenth of its σ. way: of the move; track: of a braked one.
+    """
+
+    planned_m2: float = 0.0
+    reading_m2: float = 0.0
+    from_m: tuple[float, float] = (0.0, 0.0)
+    changes: float = 1.0
+    roams: float = 1.0
+    left_part: float = 0.01
+    way: Way | None = None
+    track: Track | None = None
+
+    def read_m(self, direction: float) -> float:
+        """Return σ of a stop that is braked by reading at the end of a way in a direction, infinite where none is."""
+        return math.sqrt(self.reading_m2) if self.from_m[direction < 0.0] > 0.0 else math.inf
+
+    def missed(self, missed_m: float, *, by_reading: bool) -> Braked:
+        """Return this after a stop that was so far from its place that nothing else is to be learned of it."""
+        square_m2 = missed_m * missed_m
+        if by_reading:
+            return replace(self, reading_m2=max(self.reading_m2, square_m2))
+        return replace(self, planned_m2=max(self.planned_m2, square_m2))
 
 
 @dataclass(frozen=True, slots=True)
 class NmpcMemory:
     """What the law carries.
 
-    stem: the estimate, of a sliding stem while motion is MOVE, else of a resting one.
-    settle_s: remaining time in SETTLE. hold_ma: the current at rest, None to choose one.
-    setpoint_m: the setpoint that the law pursues; is_new: whether the stem has not rested since it came; aim_m: where
-        the move is to end for it; corrections: moves made for it so far; pushes: those that failed.
-    ends_s: when the move must be over, in the law's time. lateness: of the commands.
+    belief, noise: of the valve and of the sensor. pressure: of the model, None before the first command is known. rest:
+    the readings since the stem rests. settled_s: for how long the pressure has arrived. position_m, position_m2: the
+    place of the stem, and its variance. smooth_m: the smoothed reading. sent_ma: the last current. setpoint_m2: the
+    variance of the setpoint, where it is the reading with which control began. pending: moves that are still to be
+    made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
+    later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
+    behind_ma: the pressure behind it. way_s: since the way to a setpoint began; lasts_s: how long one lasts, of the
+    last quasi-static move or of the last whole way whose end was braked, until the stem rested. is_lag_known: a move
+    has shown it; hurries: and it was no shorter than believed. carried: where a resting stem was before it moved under
+    a current that stood still, and the variance of that; None if it has not moved. has_read: the stiction table, at the
+    start; lessons: what it is to learn. unpushed: the belief before the pushes in vain while no move has shown the lag.
+    is_other: another valve than the configured one was measured. braked: what braked moves carry.
     """
 
-    stem: Resting | Sliding
-    monitor: RestMonitor
-    motion: Motion = Motion.REST
-    settle_s: float = 0.0
-    hold_ma: float | None = None
-    setpoint_m: float | None = None
+    belief: ValveBelief
+    noise: Noise
+    move: Move
+    rest: Rest
+    pressure: PressureState | None
+    position_m: float
+    position_m2: float
+    smooth_m: float
+    sent_ma: float = 0.0
+    settled_s: float = 1.0
+    setpoint_m: float = 0.0
+    setpoint_m2: float = 0.0
     is_new: bool = False
-    aim_m: float = 0.0
-    corrections: int = 0
-    ends_s: float = math.inf
-    pushes: Pushes = field(default_factory=Pushes)
-    lateness: Lateness = field(default_factory=Lateness)
+    tries: int = 0
+    pending: tuple[Step, ...] = ()
+    hurries: bool = False
+    later_s: float = 0.0
+    more_lag_s: float = 0.0
+    is_lag_known: bool = False
+    behind_ma: float = 0.0
+    way_s: float = 0.0
+    lasts_s: float = 0.0
+    failed: int = 0
+    is_other: bool = False
+    carried: tuple[float, float] | None = None
+    unpushed: ValveBelief | None = None
+    braked: Braked = Braked()
+    has_read: bool = False
+    lessons: tuple[LearnedSample, ...] = ()
 
+    def knowing(self, before: NmpcMemory) -> NmpcMemory:
+        """Return the memory with what another one has learned of the valve and of the sensor."""
+        return replace(
+            self,
+            belief=before.belief,
+            noise=before.noise,
+            hurries=before.hurries,
+            later_s=before.later_s,
+            more_lag_s=before.more_lag_s,
+            is_lag_known=before.is_lag_known,
+            is_other=before.is_other,
+            unpushed=before.unpushed,
+            braked=replace(before.braked, way=None, track=None),
+            has_read=before.has_read,
+        )
 
-def with_resolution(memory: NmpcMemory, measured_m: float) -> NmpcMemory:
-    """Return the memory with what this reading tells of the sensor's resolution; of a clean sensor nothing more."""
-    known = memory.monitor.resolution
-    resolution = known.followed_by(measured_m)
-    if resolution is known:
-        return memory
-    return replace(memory, monitor=replace(memory.monitor, resolution=resolution))
+    def held(self, belief: ValveBelief) -> NmpcMemory:
+        """Return the memory after a push in vain, which has led to a belief."""
+        unpushed = None if self.is_lag_known else self.unpushed or self.belief
+        return replace(self, belief=belief, unpushed=unpushed)
 
-
-def report(stem: Resting | Sliding, *lessons: LearnedSample) -> Estimate:
-    """Return the estimate in the form that all laws share, with the `lessons` of this cycle."""
-    if isinstance(stem, Resting):
-        return Estimate(StemState(stem.x, 0.0, stuck=True, direction=stem.anchor.direction), lessons)
-    return Estimate(StemState(stem.x, stem.v, stuck=False, direction=stem.direction), lessons)
+    def behind(self, more_lag_s: float, behind_ma: float) -> NmpcMemory:
+        """Return the memory of another lag; where it is longer, what was pushed in vain was only pushed too short."""
+        belief = self.unpushed if self.unpushed and more_lag_s > self.more_lag_s else self.belief
+        return replace(self, belief=belief, unpushed=None, more_lag_s=more_lag_s, behind_ma=behind_ma, later_s=0.0)

@@ -1,160 +1,158 @@
-"""The programme of one pass: tracking, the limits of the current, and the stopping points (eq. 17). Pure.
+"""The quadratic programme that places a stop: which currents lead a sliding stem to its target. Pure, but for OSQP.
 
-Positions are scaled so that the first input moves the last one by 1; each stopping point, so that the first input moves
-it by 1. Far from the target, where the braking current still drives the stem, none of them moves by much.
+The stop x_s of a rollout is linearised along planned currents u: in changes δ at up to eight knots, with straight lines
+between them. Of all currents within the limits, and within the largest rate R, those are taken that put the stop at the
+target r and differ least from the planned ones (a pass of sequential quadratic programming):
+
+    min ½ Σ δ_k² + ½ w (x_s - r + Σ g_k δ_k)²    subject to    low ≤ u_k + δ_k ≤ high,    |Δu_i + Δδ_i| ≤ R T_s
+
+g_k is found by one rollout for each knot, so dead time, lags, a slew limit and the instants at which the stem is freed
+and stops are in it. Stops that are far from the target take more than one pass.
 """
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from positioner.laws.nmpc.stop import limited, stop_of
 from positioner.optimization.qp import QuadraticProgram
-from positioner.values import dataclass
+from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from positioner.laws.nmpc.move import Limits
-    from positioner.laws.nmpc.prediction import Trajectory
-    from positioner.laws.nmpc.settings import ApproachSettings
+    from positioner.laws.nmpc.stop import Stop, Task
+    from positioner.optimization.qp import Solver
+    from positioner.valve.rollout import Moving, Rollout
+
+KNOTS = 8
+"""Inputs of the programme: each costs a rollout, and a bisection to 0.4 % of a sample takes as many."""
+_WEIGHT = 1e3
+"""w, in units of the largest g: the programme leaves a thousandth of the error that it can remove."""
+_TRIALS = 8
+"""Of how far to go: the regula falsi of Illinois triples its digits in three (Dowell and Jarratt 1971)."""
+_OF_RANGE = 0.5
+"""g is the slope over half of the way to the limit, so that an actuator at its slew limit has one."""
+_LEAST_M_PER_MA = 1e-9
+"""Changes that move the stop by less do not matter."""
+NEAR = 1e-4
+"""Of span: near enough to the target, half of the least σ of a stop."""
+_FREE_MA = 1e6
+"""A bound that is never reached."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pass:
-    """One pass: the programme in the inputs (H_u), linearised along some inputs.
+class StopPlanner:
+    """Puts stops at their targets, within `within_m`; solver: for `KNOTS` inputs and as many outputs."""
 
-    gradient (H_u): of the cost, at these inputs. scales: the m by which 1 of a row moves its stopping point, for every
-    step in which the stem moves.
+    solver: Solver
+    limits: Limits
+    within_m: float
+
+    def placed(
+        self, rollout: Rollout, task: Task, begun: Moving, planned: tuple[float, ...]
+    ) -> tuple[tuple[float, ...], Stop, int]:
+        """Return the currents in mA that put the stop nearest to the target, that stop, and the programmes solved.
+
+        Args:
+            rollout: the motion of the valve.
+            task: the move.
+            begun: where the stem is.
+            planned: the currents of the next samples to begin with.
+        """
+        stop = stop_of(rollout, task, planned, begun)
+        error_m = stop.position_m - task.target_m
+        if abs(error_m) < self.within_m:
+            return planned, stop, 0
+        line = Line.until(max(stop.ends, 1), limited(task, planned, stop.ends))
+        changes = self._changes(rollout, task, begun, line, error_m)
+        best = planned, stop
+        if changes is None:
+            return *best, 0
+        ends, part, last = [(0.0, error_m), (math.inf, 0.0)], 1.0, -1
+        for _ in range(_TRIALS):
+            wanted = line.changed([part * change for change in changes])
+            currents = limited(task, tuple(map(self.limits.clipped, wanted)), len(wanted))
+            stop = stop_of(rollout, task, currents, begun)
+            missed_m = stop.position_m - task.target_m
+            if abs(missed_m) < abs(best[1].position_m - task.target_m):
+                best = currents, stop
+            if abs(missed_m) < self.within_m:
+                break
+            side = 0 if missed_m * error_m > 0.0 else 1
+            if side == last and ends[1][0] < math.inf:
+                other, other_m = ends[1 - side]
+                ends[1 - side] = other, 0.5 * other_m
+            ends[side], last = (part, missed_m), side
+            (near, near_m), (far, far_m) = ends
+            part = (near * far_m - far * near_m) / (far_m - near_m) if far < math.inf else 2.0 * part
+        return *best, 1
+
+    def _changes(self, rollout: Rollout, task: Task, begun: Moving, line: Line, error_m: float) -> list[float] | None:
+        """Return by how much the currents are to change at the knots, None where they do not move the stop."""
+        free, goes_up = replace(task, step_ma=math.inf), error_m < 0.0
+        end_ma, slopes = self.limits.high_ma if goes_up else self.limits.low_ma, list[float]()
+        before_m = task.target_m + error_m
+        for knot, sample in enumerate(line.knots):
+            step_ma = _OF_RANGE * (end_ma - line.planned[sample])
+            changed = line.changed([step_ma if each == knot else 0.0 for each in range(len(line.knots))])
+            moved = stop_of(rollout, free, changed, begun)
+            slopes.append((moved.position_m - before_m) / step_ma if step_ma and moved.freed >= 0 else 0.0)
+        unit_m = max(map(abs, slopes))
+        if unit_m < _LEAST_M_PER_MA:
+            return None
+        program = programme(line, task, self.limits, [slope / unit_m for slope in slopes], error_m / unit_m)
+        return self.solver.solve(program, (0.0,) * KNOTS, (0.0,) * (2 * KNOTS))
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Planned currents in mA, and the samples of the knots; after the last one changes go to 0 until `end`."""
+
+    planned: tuple[float, ...]
+    knots: tuple[int, ...]
+    end: int
+
+    @staticmethod
+    def until(end: int, planned: tuple[float, ...]) -> Line:
+        """Return the line whose knots are evenly spaced until a sample; no two of them are in the same one."""
+        return Line(planned, tuple(sorted({knot * end // KNOTS for knot in range(KNOTS)})), end)
+
+    def changed(self, changes: Sequence[float]) -> tuple[float, ...]:
+        """Return the currents with these changes at the knots, and straight lines between them."""
+        found = list(self.planned)
+        for knot in range(len(self.knots)):
+            is_last = knot + 1 == len(self.knots)
+            begin, end = self.knots[knot], self.end if is_last else self.knots[knot + 1]
+            change, after = changes[knot], 0.0 if is_last else changes[knot + 1]
+            for sample in range(begin, end):
+                found[sample] += change + (after - change) * (sample - begin) / (end - begin)
+        return tuple(found)
+
+
+def programme(line: Line, task: Task, limits: Limits, slopes: list[float], error_ma: float) -> QuadraticProgram:
+    """Return the programme in δ, whose outputs are the changes from knot to knot; spare inputs are held at 0.
+
+    slopes: g over its largest value; error_ma: x_s - r over it.
     """
-
-    program: QuadraticProgram
-    gradient: list[float]
-    scales: list[float]
-
-
-def program(
-    settings: ApproachSettings, limits: Limits, target_m: float, trajectory: Trajectory, inputs_ma: list[float]
-) -> Pass:
-    """Return the programme that is linearised along `inputs_ma` (H_u).
-
-    Where the stem cannot stop before the target any more, the bound is relaxed to what full braking reaches (D10).
-    """
-    s, count, steps, moving = limits.direction, len(inputs_ma), len(trajectory.positions), trajectory.moving
-    x_x, x_v, v_x, v_v = trajectory.x_x, trajectory.x_v, trajectory.v_x, trajectory.v_v
-    x_ma, v_ma, stop_x, stop_v = trajectory.x_ma, trajectory.v_ma, trajectory.stop_x, trajectory.stop_v
-    input_weight, brake_ma = settings.input_weight, limits.brake_ma
-    unit_m = _unit_m(trajectory, count)
-    # where the stem rests, all steps are one
-    weights = [1.0] * moving
-    weights[moving - 1] = steps - moving + settings.terminal_factor
-    errors, room, late = [0.0] * moving, [0.0] * moving, False
-    reach_m = _REACH_MA * abs(unit_m)
-    for i in range(moving):
-        # a target beyond the reach of all currents is moved nearer: better numbers for the solver, and the same plan
-        error_m = min(max(target_m - trajectory.positions[i], -reach_m), reach_m)
-        errors[i] = weights[i] * error_m / unit_m
-        room[i] = s * (target_m - trajectory.stops[i])
-        late = late or room[i] < 0.0
-    scales, moved, least = [1.0] * moving, [0.0] * moving, [0.0] * moving
-    gradient, rows, responses = [0.0] * count, list[float](), list[list[float]]()
-    for j in range(count):
-        x, v, slope = 0.0, 0.0, 0.0
-        own_ma, less_ma = inputs_ma[j], limits.braking[j] - inputs_ma[j]
-        response = [0.0] * moving
-        rows.append(1.0)
-        for i in range(j, moving):
-            # Loop invariant: x and v are the derivatives of the state before step i to input j
-            x, v = x_x[i] * x + x_v[i] * v, v_x[i] * x + v_v[i] * v
-            if i == j or j == count - 1:
-                x += x_ma[i]
-                v += v_ma[i]
-            stop = s * (stop_x[i] * x + stop_v[i] * v)
-            if j == 0:
-                scales[i] = max(abs(stop), _LEAST_M_PER_MA)
-            stop /= scales[i]
-            rows.append(stop)
-            moved[i] += stop * own_ma
-            if late:
-                least[i] += stop * less_ma
-            share = x / unit_m
-            response[i] = share
-            slope += errors[i] * share
-        rows += [0.0] * (steps - max(moving, j))
-        responses.append(response)
-        gradient[j] = input_weight * (own_ma - brake_ma) - slope
-    hessian = _hessian(trajectory, weights, responses, input_weight)
-    upper = list(limits.high)
-    for i in range(moving):
-        bound = room[i] / scales[i]
-        upper.append(moved[i] + (max(bound, least[i]) if late else bound))
-    upper += [_FREE] * (steps - moving)
-    linear = _less_product(gradient, hessian, inputs_ma)
-    return Pass(QuadraticProgram(hessian, linear, rows, limits.low + [-_FREE] * steps, upper), gradient, scales)
-
-
-def _unit_m(trajectory: Trajectory, count: int) -> float:
-    """Return by how many m 1 mA in the first step moves the last position."""
-    x, v = trajectory.x_ma[0], trajectory.v_ma[0]
-    for i in range(1, trajectory.moving):
-        x, v = trajectory.x_x[i] * x + trajectory.x_v[i] * v, trajectory.v_x[i] * x + trajectory.v_v[i] * v
-        if count == 1:
-            x += trajectory.x_ma[i]
-            v += trajectory.v_ma[i]
-    return x or 1.0
-
-
-def _hessian(
-    trajectory: Trajectory, weights: list[float], responses: list[list[float]], input_weight: float
-) -> list[float]:
-    """Return the upper triangle of the Hessian, column by column."""
-    if trajectory.slides and len(responses) == len(weights):
-        return _hessian_of_slide(responses[0], weights[-1] - 1.0, input_weight)
-    hessian = list[float]()
-    for k in range(len(responses)):
-        other = responses[k]
-        for j in range(k + 1):
-            one, total = responses[j], 0.0
-            for i in range(k, len(weights)):
-                total += weights[i] * one[i] * other[i]
-            hessian.append(total)
-        hessian[-1] += input_weight
-    return hessian
-
-
-def _hessian_of_slide(response: list[float], extra: float, input_weight: float) -> list[float]:
-    """Return the same where the stem never stops: all inputs have the response of the first one, but later.
-
-    The sum of response[i - j] response[i - k] over the steps i then grows by one term from column k + 1 to k. `extra`
-    is added to the weight of the last step.
-    """
-    steps = len(response)
-    hessian, sums = [0.0] * (steps * (steps + 1) // 2), [0.0] * steps
-    for k in range(steps - 1, -1, -1):
-        other, first = response[steps - 1 - k], k * (k + 1) // 2
-        for j in range(k + 1):
-            term = response[steps - 1 - j] * other
-            sums[k - j] += term
-            hessian[first + j] = sums[k - j] + extra * term
-        hessian[first + k] += input_weight
-    return hessian
-
-
-def _less_product(gradient: list[float], hessian: list[float], inputs_ma: list[float]) -> list[float]:
-    """Return `gradient` less the product of the Hessian, given by the columns of its upper triangle, and the inputs."""
-    result, place = list(gradient), 0
-    for k in range(len(inputs_ma)):
-        own_ma, own = inputs_ma[k], result[k]
-        for j in range(k):
-            entry = hessian[place]
-            result[j] -= entry * own_ma
-            own -= entry * inputs_ma[j]
-            place += 1
-        result[k] = own - hessian[place] * own_ma
-        place += 1
-    return result
-
-
-_LEAST_M_PER_MA = 1e-9
-"""An input that moves a stopping point by less counts as one that does not move it."""
-_REACH_MA = 20.0
-"""No plan needs an error that is larger than the effect of this current."""
-_FREE = 1e6
-"""A bound that no row of the programme reaches."""
+    spare = KNOTS - len(line.knots)
+    hessian, rows, slopes = list[float](), list[float](), slopes + [0.0] * spare
+    low, high, most_down, most_up = list[float](), list[float](), list[float](), list[float]()
+    begin, before_ma = -1, task.before_ma
+    for k in range(KNOTS):
+        hessian += [_WEIGHT * slopes[j] * slopes[k] + (j == k) for j in range(k + 1)]
+        rows += [1.0, 1.0, -1.0, *[0.0] * KNOTS][: KNOTS - k + 1]
+    for knot in line.knots:
+        steps = [after - before for before, after in pairwise((before_ma, *line.planned[begin + 1 : knot + 1]))]
+        low.append(min(limits.low_ma - line.planned[knot], 0.0))
+        high.append(max(limits.high_ma - line.planned[knot], 0.0))
+        most_down.append(max(-len(steps) * (task.step_ma + min(steps)), -_FREE_MA))
+        most_up.append(min(len(steps) * (task.step_ma - max(steps)), _FREE_MA))
+        begin, before_ma = knot, line.planned[knot]
+    none, free = [0.0] * spare, [_FREE_MA] * spare
+    linear = [_WEIGHT * error_ma * slope for slope in slopes]
+    down = [-each for each in free]
+    return QuadraticProgram(hessian, linear, rows, low + none + most_down + down, high + none + most_up + free)

@@ -11,11 +11,11 @@ from dense import dense
 from euler_valve import EulerValve
 from scipy.optimize import LinearConstraint, minimize
 
-from positioner.laws.quasi_static.belief import belief_of
-from positioner.laws.quasi_static.move import Limits
-from positioner.laws.quasi_static.programme import KNOTS, NEAR, Line, StopPlanner, programme
-from positioner.laws.quasi_static.slip import numbers_of, task_of
-from positioner.laws.quasi_static.stop import Task, limited, stop_of
+from positioner.laws.nmpc.belief import belief_of
+from positioner.laws.nmpc.move import Limits
+from positioner.laws.nmpc.programme import KNOTS, NEAR, Line, StopPlanner, programme
+from positioner.laws.nmpc.slip import numbers_of, task_of
+from positioner.laws.nmpc.stop import Task, limited, stop_of
 from positioner.optimization.solver import QpSolver
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters

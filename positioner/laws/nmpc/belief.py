@@ -161,23 +161,17 @@ class ValveBelief:
         """Return the pressure under which a stem that rests at a place is freed in `direction`."""
         return self.balance_ma(position_m) + direction * self.static_ma
 
-    def beside_configured_m(self, start_m: float, target_m: float, direction: float) -> float:
-        """Return how far from where the configured valve would do it a stem is freed or lands, whichever is farther."""
-        configured = self.as_configured
-        frees_ma = self.freeing_ma(start_m, direction) - configured.freeing_ma(start_m, direction)
-        lands_ma = self.landing_ma(target_m, direction) - configured.landing_ma(target_m, direction)
-        return max(abs(frees_ma), abs(lands_ma)) / self.spring_ma_per_m
-
     def reachable_m(self, position_m: float, low_ma: float, high_ma: float) -> float:
         """Return the nearest place to which the lowest and the highest current let a stem slide."""
         low_m = (low_ma - self.offset_ma + self.sliding_ma) / self.spring_ma_per_m
         high_m = (high_ma - self.offset_ma - self.sliding_ma) / self.spring_ma_per_m
         return min(max(position_m, low_m), max(high_m, low_m))
 
-    def nearest_m(self, setpoint_m: float, here_m: float, low_ma: float, high_ma: float) -> float:
+    def nearest_m(self, setpoint_m: float, here_m: float, low_ma: float, high_ma: float, left_m: float) -> float:
         """Return the place nearest to a setpoint where a stem can be that is here.
 
-        That is a place to which slides both ways lead, one to which the next slide leads, or here.
+        That is a place to which slides both ways lead, one to which the next slide leads, or here, where the others are
+        farther away, and certainly so if here is farther away than `left_m`.
         """
         found = self.reachable_m(setpoint_m, low_ma, high_ma)
         if found == setpoint_m:
@@ -190,7 +184,9 @@ class ValveBelief:
         next_m = min(max(setpoint_m, low_m), high_m)
         if direction * (next_m - here_m) > self.jump_m and abs(next_m - setpoint_m) < abs(found - setpoint_m):
             found = next_m
-        return here_m if abs(here_m - setpoint_m) < abs(found - setpoint_m) else found
+        error_m = abs(here_m - setpoint_m)
+        doubt_m = 0.0 if error_m < left_m else _CERTAINLY * self.landing_sigma_m(found, direction)
+        return here_m if error_m + doubt_m < abs(found - setpoint_m) else found
 
     def landing_ma(self, position_m: float, direction: float) -> float:
         """Return the pressure under which a stem that slides in `direction` stops at a place."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.slip import both_sides, numbers_of
+from positioner.laws.nmpc.slip import both_sides, numbers_of
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState

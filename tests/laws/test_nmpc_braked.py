@@ -13,15 +13,15 @@ from positioner.bench.inprocess import run_in_process
 from positioner.bench.metrics import dwell_metrics
 from positioner.bench.scenario import Scenario
 from positioner.laws.estimator_settings import EstimatorSettings
-from positioner.laws.quasi_static.belief import Landing, belief_of
-from positioner.laws.quasi_static.factory import quasi_static_law
-from positioner.laws.quasi_static.kept import lesson_of, taught
-from positioner.laws.quasi_static.move import Limits, Stage
-from positioner.laws.quasi_static.programme import KNOTS, NEAR, StopPlanner
-from positioner.laws.quasi_static.slip import SlipPlan, numbers_of, over, shortest_m, slip_plan, steered
-from positioner.laws.quasi_static.stop import Task, stop_of
-from positioner.laws.quasi_static.study import Study, Way
-from positioner.laws.quasi_static.track import Doubt, Reading, Track
+from positioner.laws.nmpc.belief import Landing, belief_of
+from positioner.laws.nmpc.factory import nmpc_law
+from positioner.laws.nmpc.kept import lesson_of, taught
+from positioner.laws.nmpc.move import Limits, Stage
+from positioner.laws.nmpc.programme import KNOTS, NEAR, StopPlanner
+from positioner.laws.nmpc.slip import SlipPlan, numbers_of, over, shortest_m, slip_plan, steered
+from positioner.laws.nmpc.stop import Task, stop_of
+from positioner.laws.nmpc.study import Study, Way
+from positioner.laws.nmpc.track import Doubt, Reading, Track
 from positioner.optimization.solver import QpSolver
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
@@ -33,7 +33,7 @@ from positioner.valve.state import StemState
 from positioner.valve.stiction import Quantity, StictionTable
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.memory import QuasiStaticMemory
+    from positioner.laws.nmpc.memory import NmpcMemory
 
 PERIOD_S = 1e-3
 SPAN_M = ValveParameters(id="paper").span_m
@@ -199,9 +199,7 @@ def test_innovations_of_a_slip_say_how_much_friction_changes_on_the_way(
     misfit: float, least: float, most: float
 ) -> None:
     before, _ = slipped(0.0, 0.0002, by_reading=True)
-    law = quasi_static_law(
-        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
-    )
+    law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     plan = before.move.slip
     assert law.braking is not None
     assert plan is not None
@@ -215,16 +213,12 @@ def test_innovations_of_a_slip_say_how_much_friction_changes_on_the_way(
     assert doubled.roams_ma2_per_m == 2.0 * track.roams_ma2_per_m
 
 
-def slipped(
-    missed_m: float, planned_m: float, *, by_reading: bool, read: int = 0
-) -> tuple[QuasiStaticMemory, QuasiStaticMemory]:
+def slipped(missed_m: float, planned_m: float, *, by_reading: bool, read: int = 0) -> tuple[NmpcMemory, NmpcMemory]:
     """Return the memory before and after a stop that was missed.
 
     planned_m: σ that misses before it have left. read: readings of a stem that moved.
     """
-    law = quasi_static_law(
-        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
-    )
+    law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=by_reading)
     begun = law.begin(0.07)
@@ -261,9 +255,7 @@ def test_a_braked_stem_that_ran_into_the_end_of_the_travel_has_missed(by_reading
 
 @pytest.mark.parametrize(("start_m", "failed"), [(TRAVEL_M[1] - 0.0003, 0), (TRAVEL_M[1] - 0.003, 1)])
 def test_a_braked_push_into_the_end_of_the_travel_is_not_in_vain(start_m: float, failed: int) -> None:
-    law = quasi_static_law(
-        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
-    )
+    law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     plan, begun = plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), law.begin(start_m)
     move = replace(begun.move, stage=Stage.SLIP, direction=1.0, target_m=TRAVEL_M[1], start_m2=1e-10, slip=plan)
@@ -277,9 +269,7 @@ def test_stops_by_reading_that_are_hit_are_trusted_step_by_step() -> None:
 
 
 def test_the_more_braked_stops_were_missed_the_less_a_track_relies_on_the_friction() -> None:
-    law = quasi_static_law(
-        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
-    )
+    law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     plan, begun, doubts_ma = plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.073)), law.begin(0.07), []
     memory = replace(begun, pressure=law.model.at_rest(11.0))
@@ -330,9 +320,7 @@ def test_a_stem_that_may_have_stopped_is_boosted_no_longer(sigma_m_per_s: float,
 
 def sent_on(stem: StemState, doubt: Doubt, read: int, *, is_braking: bool) -> SlipPlan:
     """Return the plan after the next cycle of a move by reading, under a pressure that nearly frees the stem."""
-    law = quasi_static_law(
-        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
-    )
+    law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=True, is_braking=is_braking)
     numbers = plan.rollout.numbers
@@ -346,9 +334,7 @@ def sent_on(stem: StemState, doubt: Doubt, read: int, *, is_braking: bool) -> Sl
 
 
 def test_a_stop_is_not_steered_for_ever_where_noise_was_taken_for_a_slip() -> None:
-    law = quasi_static_law(
-        valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS)
-    )
+    law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     plan = replace(plan_of(valve_of(0.1), task_of(valve_of(0.1), 0.07, 0.084)), by_reading=True)
     memory = replace(law.begin(0.07), pressure=law.model.at_rest(11.0))
@@ -374,7 +360,7 @@ def test_a_planned_move_ends_at_its_target_through_a_dead_time_too(dead_s: float
     """Its brake begins while commands of the boost are on their way, before the stem moves."""
     valve = replace(valve_of(0.02), actuator=replace(valve_of(0.02).actuator, dead_time_s=dead_s))
     estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
-    law = quasi_static_law(valve, estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
+    law = nmpc_law(valve, estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     plan = plan_of(valve, task_of(valve, 0.07, 0.07 + way_m))
     begun_ma, chance = plan.task.pressure.pressure_ma, np.random.default_rng(1)
@@ -548,7 +534,7 @@ def test_a_way_that_is_not_explained_well_makes_planned_stops_as_unsure(
     late_s: float, least_m: float, most_m: float
 ) -> None:
     estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
-    law = quasi_static_law(valve_of(0.05), estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
+    law = nmpc_law(valve_of(0.05), estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
     assert law.braking is not None
     stem = EulerValve(valve_of(0.05), 0.06, theta_of(valve_of(0.05))[0] * 0.06)
     memory, before_ma = law.begin(0.06), stem.p
@@ -573,7 +559,7 @@ def test_how_much_friction_changes_from_move_to_move_is_learned(
 ) -> None:
     """Ways of a known valve whose sliding friction is another one in each move, or the same."""
     valve = valve_of(0.05)
-    law = quasi_static_law(
+    law = nmpc_law(
         valve,
         EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0),
         (4.0, 20.0),
@@ -705,7 +691,7 @@ def test_what_is_kept_of_static_friction_and_lag_is_kept_together() -> None:
 
 @pytest.mark.parametrize(("jumps", "learns"), [(0.3, False), (0.7, True)])
 def test_a_force_is_learned_where_a_stem_has_moved_by_half_a_slip_jump(jumps: float, learns: bool) -> None:
-    law = quasi_static_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0)
+    law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0)
     memory = replace(law.begin(0.08), position_m=0.08, position_m2=1e-10, behind_ma=12.0)
     after = law._carried(memory, 0.08 - jumps * memory.belief.jump_m, 1e-10)
     assert (after.belief.offset_ma != memory.belief.offset_ma) is learns

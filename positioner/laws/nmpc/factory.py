@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.braking import Braking
-from positioner.laws.quasi_static.judging import Judge
-from positioner.laws.quasi_static.law import QuasiStaticLaw
-from positioner.laws.quasi_static.move import Limits, Stem
-from positioner.laws.quasi_static.programme import NEAR, StopPlanner
+from positioner.laws.nmpc.braking import Braking
+from positioner.laws.nmpc.judging import Judge
+from positioner.laws.nmpc.law import NmpcLaw
+from positioner.laws.nmpc.move import Limits, Stem
+from positioner.laws.nmpc.programme import NEAR, StopPlanner
 from positioner.valve.pressure import pressure_model
 from positioner.valve.rollout import plant_of
 from positioner.valve.sensor import sensor_lag
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 
-def quasi_static_law(
+def nmpc_law(
     valve: ValveParameters,
     estimator: EstimatorSettings,
     currents_ma: tuple[float, float],
@@ -29,7 +29,7 @@ def quasi_static_law(
     *,
     solver: Solver | None = None,
     rate_ma_per_s: float = math.inf,
-) -> QuasiStaticLaw:
+) -> NmpcLaw:
     """Return the law of a valve.
 
     Args:
@@ -38,7 +38,7 @@ def quasi_static_law(
         currents_ma: the lowest and the highest current.
         period_s: of the readings.
         delay_s: from a reading until its command acts.
-        solver: of the braked moves behind a lag; None where none are made.
+        solver: of the braked moves; None where none are made, as by the law `quasi-static`.
         rate_ma_per_s: the largest rate of the current.
     """
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
@@ -49,4 +49,4 @@ def quasi_static_law(
     if solver is not None:
         planner = StopPlanner(solver, limits, NEAR * valve.span_m)
         braking = Braking(judge, limits, plant, sensor, planner, rate_ma_per_s * period_s)
-    return QuasiStaticLaw("quasi-static", judge, limits, model, braking=braking, rate_ma_per_s=rate_ma_per_s)
+    return NmpcLaw("nmpc", judge, limits, model, braking=braking, rate_ma_per_s=rate_ma_per_s)

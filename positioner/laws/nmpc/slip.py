@@ -14,15 +14,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.stop import Stop, Task, beyond_m, stop_of
+from positioner.laws.nmpc.stop import Stop, Task, beyond_m, stop_of
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Numbers
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.belief import ValveBelief
-    from positioner.laws.quasi_static.move import Limits
-    from positioner.laws.quasi_static.programme import StopPlanner
-    from positioner.laws.quasi_static.track import Track
+    from positioner.laws.nmpc.belief import ValveBelief
+    from positioner.laws.nmpc.move import Limits
+    from positioner.laws.nmpc.programme import StopPlanner
+    from positioner.laws.nmpc.track import Track
     from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Moving, Plant, Rollout
@@ -42,7 +42,7 @@ _CLOSE = 0.2
 _SHORTER = 0.6
 """σ that the largest value of a random walk is expected to be, if σ is that of its last one, is √(2/π) = 0.8
 (reflection principle, Lévy 1948). With 0.6 the stops of moves are about their target where 2 % of the friction
-is not known (`test_quasi_static_braked`)."""
+is not known (`test_nmpc_braked`)."""
 _LATER = 4
 """The brake comes at the latest a quarter later than planned: friction is seldom more than that beyond the believed."""
 _ENDS = 2

@@ -13,24 +13,24 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.judging import CERTAIN
-from positioner.laws.quasi_static.memory import Braked
-from positioner.laws.quasi_static.move import Stage, tolerance_m
-from positioner.laws.quasi_static.slip import numbers_of, over, shortest_m, slip_plan, steered, task_of
-from positioner.laws.quasi_static.study import Study, Way
-from positioner.laws.quasi_static.track import Doubt, Reading, Track
+from positioner.laws.nmpc.judging import CERTAIN
+from positioner.laws.nmpc.memory import Braked
+from positioner.laws.nmpc.move import Stage, tolerance_m
+from positioner.laws.nmpc.slip import numbers_of, over, shortest_m, slip_plan, steered, task_of
+from positioner.laws.nmpc.study import Study, Way
+from positioner.laws.nmpc.track import Doubt, Reading, Track
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.belief import ValveBelief
-    from positioner.laws.quasi_static.judging import Judge
-    from positioner.laws.quasi_static.memory import Move, QuasiStaticMemory
-    from positioner.laws.quasi_static.move import Limits
-    from positioner.laws.quasi_static.programme import StopPlanner
-    from positioner.laws.quasi_static.slip import SlipPlan
-    from positioner.laws.quasi_static.stop import Task
+    from positioner.laws.nmpc.belief import ValveBelief
+    from positioner.laws.nmpc.judging import Judge
+    from positioner.laws.nmpc.memory import Move, NmpcMemory
+    from positioner.laws.nmpc.move import Limits
+    from positioner.laws.nmpc.programme import StopPlanner
+    from positioner.laws.nmpc.slip import SlipPlan
+    from positioner.laws.nmpc.stop import Task
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
     from positioner.valve.sensor import SensorLag
@@ -88,31 +88,31 @@ class Braking:
         sigma_m = _BY_READING * self.judge.valve.span_m
         return Braked(reading_m2=sigma_m * sigma_m)
 
-    def aimed(self, memory: QuasiStaticMemory, setpoint_m: float) -> QuasiStaticMemory:
+    def aimed(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory at a new setpoint."""
         braked = memory.braked
         planned_m2, reading_m2 = _FORGIVEN * braked.planned_m2, _FORGIVEN * braked.reading_m2
         braked = replace(braked, planned_m2=planned_m2, reading_m2=reading_m2)
         return self.prepared(replace(memory, braked=braked), setpoint_m)
 
-    def taught(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+    def taught(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory of a law that has read its table: the lag may be known from before a restart."""
         return replace(memory, is_lag_known=memory.belief.lag_sigma < _LAG_KNOWN)
 
-    def knows_lag(self, memory: QuasiStaticMemory) -> bool:
+    def knows_lag(self, memory: NmpcMemory) -> bool:
         """Whether the whole way of a move has shown the lag."""
         if self.judge.valve.actuator.slower_lag_s == 0.0:
             return memory.is_lag_known and memory.more_lag_s == 0.0
         return memory.is_lag_known and memory.more_lag_s == 0.0 and memory.belief.lag_sigma < _LAG_KNOWN
 
-    def prepared(self, memory: QuasiStaticMemory, setpoint_m: float) -> QuasiStaticMemory:
+    def prepared(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with how far away a move to a setpoint must begin to be braked by its readings."""
         up_m = down_m = 0.0
         if memory.pressure is not None and self._may_read(memory):
             up_m, down_m = (self._begins_m(memory, setpoint_m, direction) for direction in (1.0, -1.0))
         return replace(memory, braked=replace(memory.braked, from_m=(up_m, down_m)))
 
-    def _begins_m(self, memory: QuasiStaticMemory, setpoint_m: float, direction: float) -> float:
+    def _begins_m(self, memory: NmpcMemory, setpoint_m: float, direction: float) -> float:
         """Return how far away a move in a direction must begin to be braked by its readings, 0 where it cannot.
 
         That depends on where it begins: near the end of the travel the pressure rises less. So it is found in passes.
@@ -130,7 +130,7 @@ class Braking:
                 return 0.0
         return _FARTHER * way_m
 
-    def plan(self, memory: QuasiStaticMemory, setpoint_m: float) -> tuple[SlipPlan, float] | None:
+    def plan(self, memory: NmpcMemory, setpoint_m: float) -> tuple[SlipPlan, float] | None:
         """Return the braked move to a setpoint and σ of its stop in m, None where there is none that is sure.
 
         After a push in vain there is none: a quasi-static one says how strong a push the stem needs.
@@ -161,12 +161,12 @@ class Braking:
         actuator, period_s = self.judge.valve.actuator, self.judge.period_s
         return task_of(belief, actuator, self.limits, pressure, start_m, target_m, period_s, before_ma, self.step_ma)
 
-    def _may_read(self, memory: QuasiStaticMemory) -> bool:
+    def _may_read(self, memory: NmpcMemory) -> bool:
         """Whether readings have said well when to brake."""
         most_m = _SURE_BY_READING * self.judge.valve.span_m
         return self.knows_lag(memory) and memory.braked.reading_m2 <= most_m * most_m
 
-    def _seen_after(self, memory: QuasiStaticMemory) -> int:
+    def _seen_after(self, memory: NmpcMemory) -> int:
         """Return after how many samples a stem that is freed is seen to move.
 
         With the acceleration a of the first instant it has moved 5 σ of the mean of n readings, 5 s/√n, once
@@ -178,12 +178,12 @@ class Braking:
         samples: float = (_SEEN * self.judge.noise_m(memory) / (acceleration * period_s * period_s)) ** 0.4
         return 1 + math.ceil(samples + self.judge.valve.sensor_time_constant_s / period_s)
 
-    def _planned_m2(self, memory: QuasiStaticMemory) -> float:
+    def _planned_m2(self, memory: NmpcMemory) -> float:
         """Return the variance of a planned stop, beside what is not known of the valve."""
         least_m = _OWN * self.judge.valve.span_m
         return max(memory.braked.planned_m2, least_m * least_m)
 
-    def is_worth_it(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
+    def is_worth_it(self, memory: NmpcMemory, setpoint_m: float) -> bool:
         """Whether a braked move corrects an error that was just seen."""
         if memory.move.stage is None:
             return False
@@ -194,13 +194,13 @@ class Braking:
         found = self.plan(memory, setpoint_m)
         return found is not None and error_m > _WORTH * found[1]
 
-    def with_way(self, memory: QuasiStaticMemory, *, goes_on: bool) -> QuasiStaticMemory:
+    def with_way(self, memory: NmpcMemory, *, goes_on: bool) -> NmpcMemory:
         """Return the memory of a move that begins; goes_on: the stem may still be on its way."""
         pressure = memory.pressure
         way = None if goes_on or pressure is None else Way(pressure, memory.move.start_m)
         return replace(memory, braked=replace(memory.braked, way=way, track=None))
 
-    def with_track(self, memory: QuasiStaticMemory, plan: SlipPlan) -> QuasiStaticMemory:
+    def with_track(self, memory: NmpcMemory, plan: SlipPlan) -> NmpcMemory:
         """Return the memory of a braked move that begins."""
         task, belief = plan.task, memory.belief
         push_ma2 = belief.numbers.variance((task.target_m, 1.0, task.direction, 0.0)) + belief.scatter_ma2
@@ -215,7 +215,7 @@ class Braking:
 
     # -- on the way
 
-    def read(self, memory: QuasiStaticMemory, measured_m: float) -> QuasiStaticMemory:
+    def read(self, memory: NmpcMemory, measured_m: float) -> NmpcMemory:
         """Return the memory with the reading of a moving stem."""
         move, way, track = memory.move, memory.braked.way, memory.braked.track
         if move.stage in (None, Stage.RETURN):
@@ -228,7 +228,7 @@ class Braking:
             way = way.read(memory.sent_ma, measured_m)
         return replace(memory, braked=replace(memory.braked, way=way, track=track))
 
-    def sent(self, memory: QuasiStaticMemory, move: Move, plan: SlipPlan) -> tuple[Move, float]:
+    def sent(self, memory: NmpcMemory, move: Move, plan: SlipPlan) -> tuple[Move, float]:
         """Return the move, and the current in mA of its next sample."""
         track, sent = memory.braked.track, move.sent
         if track is not None and not plan.is_over:
@@ -252,7 +252,7 @@ class Braking:
 
     # -- after a move
 
-    def studied(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+    def studied(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory with what the whole way of a move teaches, where the stem has gone most of it."""
         way, belief, move, judge = memory.braked.way, memory.belief, memory.move, self.judge
         memory = replace(memory, braked=replace(memory.braked, way=None))
@@ -275,7 +275,7 @@ class Braking:
             return memory
         return replace(memory, belief=replace(belief, numbers=found.numbers), is_lag_known=True, unpushed=None)
 
-    def _missed(self, memory: QuasiStaticMemory, missed_m: float, line: tuple[float, ...]) -> QuasiStaticMemory:
+    def _missed(self, memory: NmpcMemory, missed_m: float, line: tuple[float, ...]) -> NmpcMemory:
         """Return the memory after a stop that was so far from where it was expected; line: its derivatives.
 
         The part of its variance that changes from move to move is scaled by what is seen of it (Mehra 1972).
@@ -287,7 +287,7 @@ class Braking:
         changes = _scaled(braked.changes, part, square_m2 / total_m2)
         return replace(memory, braked=replace(braked, planned_m2=planned_m2, changes=changes))
 
-    def slipped(self, memory: QuasiStaticMemory, plan: SlipPlan) -> QuasiStaticMemory:
+    def slipped(self, memory: NmpcMemory, plan: SlipPlan) -> NmpcMemory:
         """Return the memory with what the stop of a braked move teaches."""
         move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
@@ -314,7 +314,7 @@ class Braking:
             return replace(memory, braked=memory.braked.missed(missed_m, by_reading=False))
         return memory
 
-    def _read_stop(self, memory: QuasiStaticMemory, missed_m: float) -> QuasiStaticMemory:
+    def _read_stop(self, memory: NmpcMemory, missed_m: float) -> NmpcMemory:
         """Return the memory after a stop that was braked by reading."""
         least_m, after_m2 = _OWN * self.judge.valve.span_m, _after_miss(memory.braked.reading_m2, missed_m * missed_m)
         return replace(memory, braked=replace(memory.braked, reading_m2=max(after_m2, least_m * least_m)))

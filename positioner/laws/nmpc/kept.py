@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.quasi_static.belief import LAG, SLIDING, SPRING, STATIC, Landing
+from positioner.laws.nmpc.belief import LAG, SLIDING, SPRING, STATIC, Landing
 from positioner.valve.fit import ValveFit
 from positioner.valve.stiction import LearnedSample, Quantity, direction_of
 
 if TYPE_CHECKING:
-    from positioner.laws.quasi_static.belief import ValveBelief
+    from positioner.laws.nmpc.belief import ValveBelief
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.stiction import StictionTable
 

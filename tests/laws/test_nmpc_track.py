@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from euler_valve import EulerValve
 
-from positioner.laws.quasi_static.belief import belief_of
-from positioner.laws.quasi_static.slip import numbers_of
-from positioner.laws.quasi_static.track import Doubt, Reading, Track
+from positioner.laws.nmpc.belief import belief_of
+from positioner.laws.nmpc.slip import numbers_of
+from positioner.laws.nmpc.track import Doubt, Reading, Track
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.parameters import ValveParameters

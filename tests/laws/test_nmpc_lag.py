@@ -8,7 +8,7 @@ import random
 import pytest
 from loop_helpers import Loop
 
-from positioner.laws.quasi_static.lag import Way
+from positioner.laws.nmpc.lag import Way
 from positioner.wire.messages import Cause, Health, HostRequest, Mode
 
 SPRING_MA_PER_M, STEP_S = 157.0, 1e-4

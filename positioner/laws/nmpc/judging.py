@@ -6,14 +6,14 @@ import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.estimator_settings import measurement_sigma_m
-from positioner.laws.quasi_static.move import LARGE, LEFT_OF_STEP, Stage, tolerance_m
-from positioner.laws.quasi_static.rest import NO_REST
+from positioner.laws.nmpc.move import LARGE, LEFT_OF_STEP, Stage, tolerance_m
+from positioner.laws.nmpc.rest import NO_REST
 from positioner.values import dataclass, replace
 
 if TYPE_CHECKING:
     from positioner.laws.estimator_settings import EstimatorSettings
-    from positioner.laws.quasi_static.memory import QuasiStaticMemory
-    from positioner.laws.quasi_static.move import Stem
+    from positioner.laws.nmpc.memory import NmpcMemory
+    from positioner.laws.nmpc.move import Stem
     from positioner.valve.parameters import ValveParameters
 
 CERTAIN = 2.2
@@ -52,17 +52,17 @@ class Judge:
         """Return the configured σ of a reading in m at a place."""
         return measurement_sigma_m(self.estimator, self.valve, position_m)
 
-    def noise_m(self, memory: QuasiStaticMemory) -> float:
+    def noise_m(self, memory: NmpcMemory) -> float:
         """Return σ of a reading, as the rests have shown it."""
         variance_m2, _ = memory.noise.of(self.sigma_m(memory.smooth_m))
         return math.sqrt(variance_m2)
 
-    def reading_m2(self, memory: QuasiStaticMemory, position_m: float) -> float:
+    def reading_m2(self, memory: NmpcMemory, position_m: float) -> float:
         """Return the variance of a reading at a place, of which many make a mean, as the rests have shown it."""
         variance_m2, worth = memory.noise.of(self.sigma_m(position_m))
         return variance_m2 * worth
 
-    def stem_m(self, memory: QuasiStaticMemory) -> float:
+    def stem_m(self, memory: NmpcMemory) -> float:
         """Return the place of the stem: backlash is taken up in the direction of the last move."""
         return memory.position_m + 0.5 * memory.move.direction * self.valve.backlash_m
 
@@ -74,7 +74,7 @@ class Judge:
         """Whether this difference of two means, whose σ is given, may be that of a stem that has not moved."""
         return abs(moved_m) < _MOVED * sigma_m + _MOVED_M + self.valve.backlash_m
 
-    def near_ma(self, memory: QuasiStaticMemory) -> float:
+    def near_ma(self, memory: NmpcMemory) -> float:
         """Return how near to its level the pressure must be: where the stem can be judged."""
         move, spring = memory.move, memory.belief.spring_ma_per_m
         if move.stage is Stage.AWAY:
@@ -85,7 +85,7 @@ class Judge:
             return _ARRIVED_MA + _OF_STEP * abs(move.level_ma - move.before_ma)
         return _ARRIVED_MA
 
-    def follows_s(self, memory: QuasiStaticMemory) -> float:
+    def follows_s(self, memory: NmpcMemory) -> float:
         """Return how long after the pressure has arrived the stem and its sensor have followed."""
         stem = self.stem
         follows_s = stem.viscous / memory.belief.spring_ma_per_m + stem.mass / stem.viscous
@@ -93,7 +93,7 @@ class Judge:
             return follows_s + _FOLLOWED * self.valve.sensor_time_constant_s + memory.later_s
         return _FOLLOWED * (follows_s + self.valve.sensor_time_constant_s) + _FOLLOWED_S + memory.later_s
 
-    def rested(self, memory: QuasiStaticMemory, measured_m: float, elapsed_s: float) -> QuasiStaticMemory:
+    def rested(self, memory: NmpcMemory, measured_m: float, elapsed_s: float) -> NmpcMemory:
         """Return the memory after a reading of a stem that should rest."""
         variance_m2, worth = memory.noise.of(self.sigma_m(measured_m))
         rest, full = memory.rest.read(measured_m, elapsed_s, self.period_s)
@@ -107,13 +107,13 @@ class Judge:
             later_s = min(max(_LATER * later_s, _FIRST_LATER * memory.move.since_s), _MOST_LATER_S)
         return replace(memory, rest=NO_REST, later_s=later_s)
 
-    def settled(self, memory: QuasiStaticMemory) -> QuasiStaticMemory:
+    def settled(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory with the place of the last readings, where those before were of a stem that crept."""
         variance_m2, worth = memory.noise.of(self.sigma_m(memory.position_m))
         position_m, readings = memory.rest.latest(self.period_s, variance_m2, worth)
         return replace(memory, position_m=position_m, position_m2=variance_m2 * worth / readings)
 
-    def is_judged(self, memory: QuasiStaticMemory, setpoint_m: float) -> bool:
+    def is_judged(self, memory: NmpcMemory, setpoint_m: float) -> bool:
         """Whether the readings since the end of a move are enough to go on."""
         rest, stage = memory.rest, memory.move.stage
         if stage not in (Stage.LAND, Stage.SLIP):
@@ -124,36 +124,36 @@ class Judge:
         least_m = max(_OF_TOLERANCE * tolerance_m(self.valve.span_m, memory.tries), _OF_SEEN * error_m)
         return sigma_m < least_m or rest.duration_s > _ENOUGH_S
 
-    def is_sure(self, memory: QuasiStaticMemory) -> bool:
+    def is_sure(self, memory: NmpcMemory) -> bool:
         """Whether the move that is to be made next ends where it should, as far as is known."""
         step = memory.pending[0]
         return memory.belief.landing_sigma_m(step.target_m, step.direction) < _SURE * self.valve.span_m
 
-    def is_away(self, memory: QuasiStaticMemory) -> bool:
+    def is_away(self, memory: NmpcMemory) -> bool:
         """Whether a stem that moves away is far enough for the next move, and its end is not to be measured."""
         move = memory.move
         if move.stage is not Stage.AWAY or not self.is_sure(memory):
             return False
         return self._is_seen_within(memory, move.margin_m)
 
-    def is_moving(self, memory: QuasiStaticMemory) -> bool:
+    def is_moving(self, memory: NmpcMemory) -> bool:
         """Whether the smoothed reading shows that the stem has left the place where its move began."""
         least_m = self.least_m(OF_READING * self.noise_m(memory))
         return abs(memory.smooth_m - memory.move.start_m) > least_m
 
-    def is_near(self, memory: QuasiStaticMemory) -> bool:
+    def is_near(self, memory: NmpcMemory) -> bool:
         """Whether the reading shows that a hurried pressure is as far as it should be hurried."""
         move = memory.move
         step_ma = abs(move.level_ma - move.from_ma)
         return self._is_seen_within(memory, LEFT_OF_STEP[move.stage] * step_ma / memory.belief.spring_ma_per_m)
 
-    def _is_seen_within(self, memory: QuasiStaticMemory, left_m: float) -> bool:
+    def _is_seen_within(self, memory: NmpcMemory, left_m: float) -> bool:
         """Whether the reading shows that the stem has at most this way left to the target of its move."""
         move = memory.move
         missing_m = move.direction * (move.target_m - memory.smooth_m)
         return missing_m < left_m - CERTAIN * OF_READING * self.noise_m(memory)
 
-    def is_beyond(self, memory: QuasiStaticMemory) -> bool:
+    def is_beyond(self, memory: NmpcMemory) -> bool:
         """Whether a hurried move has gone too far: the lag is shorter than believed."""
         move, beyond_m = memory.move, memory.move.direction * (self.stem_m(memory) - memory.move.target_m)
         landing_m = _MOVED * memory.belief.landing_sigma_m(move.target_m, move.direction)

@@ -204,7 +204,6 @@ def counters() -> Counters:
         slips=48_212,
         sticks=48_212,
         moves=48_300,
-        table_moves=47_950,
         failed_pushes=88,
         travel_m=612.4,
         reversals=31_009,

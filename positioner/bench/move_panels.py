@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from positioner.bench.mode_bands import bands_of
-from positioner.laws.move_reason import BreakawaySource
 from positioner.pictures.bands import Band, draw_bands
 from positioner.pictures.colours import BELIEF, BOUND, BREAKAWAY, COMMAND, FAINT, INK, MEASURED, POSITION, SETPOINT
 from positioner.pictures.panels import LABEL, NORMAL, dress
@@ -70,10 +69,7 @@ def _heading(data: MovesData, window: Window, breakaway: Breakaway | None) -> st
     first, last = trend.position_m[window.begin] * 1e3, trend.position_m[window.end] * 1e3
     lasts_ms = (trend.time_s[window.end] - trend.time_s[window.begin]) * 1e3
     text = f"{trend.time_s[window.begin]:.3f} s: {first:.1f} to {last:.1f} mm in {lasts_ms:.3g} ms"
-    if breakaway is None:
-        return text
-    source = "table" if breakaway.source is BreakawaySource.TABLE else "model"
-    return f"{text}\nΓ {breakaway.current_ma:.2f} mA, from the {source}"
+    return text if breakaway is None else f"{text}\nΓ {breakaway.current_ma:.2f} mA"
 
 
 def _breakaway_of(data: MovesData, window: Window) -> Breakaway | None:

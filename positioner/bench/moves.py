@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from positioner.bench.trend import TrendData
-    from positioner.laws.move_reason import BreakawaySource
 
     Array = NDArray[np.float64]
 
@@ -55,11 +54,10 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Breakaway:
-    """Γ in mA at the beginning of a move, and what it was computed from."""
+    """Γ in mA, and the beginning of its move in s."""
 
     begun_s: float
     current_ma: float
-    source: BreakawaySource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from positioner.bench.moves_picture import MOST_MOVES
 from positioner.bench.predicted import Begins, believed
 from positioner.bench.reasons import reasons
 from positioner.bench.trend import TrendData
-from positioner.laws.move_reason import current_in, source_in
+from positioner.laws.move_reason import current_in
 from positioner.valve.stiction import LearnedSample, Quantity, StictionTable
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def picture_data(
     with trace.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     cycle_s = np.array([float(row["time_s"]) - recording.period_s for row in rows])
+    begun_ma = [current_in(row["reason"]) for row in rows]
     traced = {name: [float(row[name]) for row in rows] for name in _TRACED}
     columns = {name: _at(time_s, cycle_s, values) for name, values in traced.items()}
     samples = [
@@ -79,23 +80,22 @@ def picture_data(
         velocity_lower_m_per_s=_active(columns["speed_low_m_per_s"], -widest),
         velocity_upper_m_per_s=_active(columns["speed_high_m_per_s"], widest),
         learned_s=learned,
-        why=reasons(cycle_s, [source_in(row["reason"]) for row in rows], [row["fallback"] for row in rows]),
+        why=reasons(cycle_s, [each is not None for each in begun_ma], [row["fallback"] for row in rows]),
     )
     every = windows(trend.position_m, trend.span_m, recording.period_s)
     shown = telling(every, trend.span_m, MOST_MOVES)
     slides, estimate = columns["stuck"] == 0.0, (columns["position_m"], columns["velocity_m_per_s"])
     moves = np.zeros(len(time_s), dtype=bool)
-    begun_s = cycle_s[[row["reason"] != "" for row in rows]]
-    moves[np.searchsorted(time_s[:-1], begun_s - _TOLERANCE)] = True
+    moves[np.searchsorted(time_s[:-1], trend.why.moved_s - _TOLERANCE)] = True
     begins, predicted = Begins.of(slides, moves), []
     for window in shown:
         known = believed(configuration, _table_at(table, samples, float(time_s[window.begin])))
         path_m = known.path_m(estimate, begins, trend.current_ma, window.first, window.last)
         predicted.append(path_m)
     breakaways = [
-        Breakaway(float(begun_s), current_ma, source)
-        for begun_s, row in zip(cycle_s, rows, strict=True)
-        if (current_ma := current_in(row["reason"])) is not None and (source := source_in(row["reason"])) is not None
+        Breakaway(float(begun_s), current_ma)
+        for begun_s, current_ma in zip(cycle_s, begun_ma, strict=True)
+        if current_ma is not None
     ]
     shown_moves = MovesData(
         trend=trend,

@@ -67,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> ExitCode:
     comparison = Comparison(codec, prepared.kind.has_instants)
     commands = _commands(configuration, prepared, explainer, comparison)
     if arguments.at is not None:
-        _show_newest(arguments, configuration, commands)
+        _show_newest(arguments, commands)
     elif arguments.json:
         _write_all(commands, explainer)
     else:
@@ -99,9 +99,7 @@ def _commands(
             yield command
 
 
-def _show_newest(
-    arguments: argparse.Namespace, configuration: Configuration, commands: Iterator[ExplainedCommand]
-) -> None:
+def _show_newest(arguments: argparse.Namespace, commands: Iterator[ExplainedCommand]) -> None:
     """Print the newest command at the instant of --at.
 
     Raises:
@@ -115,7 +113,7 @@ def _show_newest(
     if arguments.json:
         show_json(_as_json(chosen))
     else:
-        show(command_lines(chosen, configuration.control.table_cell_m), as_markdown=arguments.markdown)
+        show(command_lines(chosen), as_markdown=arguments.markdown)
 
 
 def _write_all(commands: Iterator[ExplainedCommand], explainer: Explainer) -> None:

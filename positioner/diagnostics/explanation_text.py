@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from positioner.diagnostics.explanation import ActiveBound
@@ -26,7 +25,7 @@ _MOTIONS = {
 
 MOVES_HEAD = (
     *("move", "at, s", "lasts, ms", "from, mm", "setpoint, mm", "aim, mm", "landed, mm", "off, mm", "current, mA"),
-    *("Γ, mA", "Γ from"),
+    *("Γ, mA", "fallback"),
 )
 
 
@@ -35,13 +34,13 @@ def move_row(move: ExplainedMove) -> tuple[str, ...]:
     lasts = "" if move.ended_s is None else f"{(move.ended_s - move.begun_s) * _MM:.1f}"
     landed, off = ("", "") if move.landed_m is None else (_mm(move.landed_m), f"{_off_mm(move):+.3f}")
     places = (_mm(move.origin_m), _mm(move.setpoint_m), _mm(move.reason.aim_m), landed, off)
-    fallback = f"; fallback: {move.fallbacks[0]}" if move.fallbacks else ""
-    gamma = f"{move.reason.breakaway.current_ma:.3f}", f"{_source(move)}{fallback}"
-    return str(move.number), f"{move.begun_s:.3f}", lasts, *places, f"{move.low_ma:.3f}–{move.high_ma:.3f}", *gamma
+    currents = f"{move.low_ma:.3f}–{move.high_ma:.3f}", f"{move.reason.breakaway_ma:.3f}"
+    fallback = move.fallbacks[0] if move.fallbacks else ""
+    return str(move.number), f"{move.begun_s:.3f}", lasts, *places, *currents, fallback
 
 
-def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
-    """Return the explanation of one command; `cell_m` is the width of the table's cells."""
+def command_lines(command: ExplainedCommand) -> list[str]:
+    """Return the explanation of one command."""
     cause = f" ({in_words(command.cause)})" if command.cause is not Cause.NONE else ""
     mode = f"{command.mode.name}{cause}"
     lines = [f"command   {command.current_ma:.3f} mA at {command.time_s:.6f} s", f"mode      {mode}"]
@@ -61,7 +60,7 @@ def command_lines(command: ExplainedCommand, cell_m: float) -> list[str]:
     if decision.differs:
         lines.append("valve     does not move as configured: identify it again")
     if move is not None:
-        lines += _move_lines(move, cell_m)
+        lines += _move_lines(move)
     return lines
 
 
@@ -72,14 +71,11 @@ def counts_line(counts: Counter[str]) -> str:
     return f"{total} commands: {', '.join(parts)}" if parts else "no commands"
 
 
-def _move_lines(move: ExplainedMove, cell_m: float) -> list[str]:
-    cell_mm = math.floor(move.origin_m / cell_m + 0.5) * cell_m * _MM
-    table = f", cell at {cell_mm:g} mm, newest sample {move.reason.breakaway.age} samples old"
-    where = table if move.reason.breakaway.samples else ""
+def _move_lines(move: ExplainedMove) -> list[str]:
     lines = [
         f"move      number {move.number}, begun at {move.begun_s:.6f} s at {_mm(move.origin_m)} mm",
         f"error     {move.reason.error_m * _MM:+.3f} mm, which it is to correct",
-        f"Γ         {_gamma(move)}{where}",
+        f"Γ         {move.reason.breakaway_ma:.3f} mA",
         f"aim       {_mm(move.reason.aim_m)} mm",
     ]
     if move.reason.believed is not None:
@@ -115,16 +111,6 @@ def _bound_words(command: ExplainedCommand) -> str:
             return f"{command.bound}, {speeds}"
         case _:
             return f"{command.bound}: the plan lies inside {currents} and {speeds}"
-
-
-def _gamma(move: ExplainedMove) -> str:
-    breakaway = move.reason.breakaway
-    return f"{breakaway.current_ma:.3f} mA from {_source(move)}"
-
-
-def _source(move: ExplainedMove) -> str:
-    breakaway = move.reason.breakaway
-    return f"{breakaway.source} ({breakaway.samples} samples)" if breakaway.samples else breakaway.source
 
 
 def _off_mm(move: ExplainedMove) -> float:

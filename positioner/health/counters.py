@@ -77,8 +77,8 @@ class Counters:
     mode_us: time in each mode, by its number; checked_us: in which a test procedure controlled the valve, which is no
         time in ACTIVE. controlled_us: time in which a law knew whether the stem sticks;
         stuck_us: in which it stuck. closed_us, near_closed_us, open_us: time at the ends of the travel.
-    slips, sticks: edges between sticking and sliding. moves: that the law began, table_moves: those whose breakaway
-        current came from the table. failed_pushes: pushes that freed nothing.
+    slips, sticks: edges between sticking and sliding. moves: that the law began. failed_pushes: pushes that
+        freed nothing.
     travel_m: the way of the stem; reversals: changes of its direction; cycles: those beyond the cycle dead band.
     travel, deviation, spans: the histograms. travel_recent, deviation_recent: the classes of their last 100 samples,
         oldest first.
@@ -98,7 +98,6 @@ class Counters:
     slips: int = 0
     sticks: int = 0
     moves: int = 0
-    table_moves: int = 0
     failed_pushes: int = 0
     travel_m: float = 0.0
     reversals: int = 0

@@ -36,14 +36,17 @@ def counters_from(section: Any) -> Counters:
     none = Counters()
     if section is None:
         return none
-    if not isinstance(section, dict) or not set(NAMES) - _NEWER <= set(section) <= set(NAMES):
+    if not isinstance(section, dict) or not set(NAMES) - _NEWER <= set(section) - _OLDER <= set(NAMES):
         raise ValueError("the counters are not as this version writes them")
-    return replace(none, **{name: _value(name, getattr(none, name), each) for name, each in section.items()})
+    own = ((name, each) for name, each in section.items() if name not in _OLDER)
+    return replace(none, **{name: _value(name, getattr(none, name), each) for name, each in own})
 
 
 NAMES = tuple(each.name for each in fields(Counters))
 _NEWER = {"checked_us", "travel_recent", "deviation_recent"}
 """What earlier versions did not write."""
+_OLDER = {"table_moves"}
+"""What only earlier versions wrote; it is not read."""
 
 
 def _value(name: str, example: Any, given: Any) -> Any:

@@ -20,7 +20,6 @@ from positioner.health.classes import (
     with_newest,
 )
 from positioner.health.turns import Turns
-from positioner.laws.move_reason import BreakawaySource
 from positioner.values import dataclass, replace
 from positioner.wire.messages import Mode
 
@@ -129,10 +128,7 @@ def _add_events(after: Counting, cycle: ObservedCycle) -> None:
     for event in cycle.events:
         counters = after.counters
         if isinstance(event, MoveBegan):
-            from_table = event.reason.breakaway.source is BreakawaySource.TABLE
-            after.counters = replace(
-                counters, moves=counters.moves + 1, table_moves=counters.table_moves + int(from_table)
-            )
+            after.counters = replace(counters, moves=counters.moves + 1)
         elif isinstance(event, PushFailed):
             after.counters = replace(counters, failed_pushes=counters.failed_pushes + 1)
 

@@ -79,7 +79,7 @@ def fit(panel: Axes, curves: list[Array], percentiles: tuple[float, float]) -> N
     panel.set_ylim(low - margin, high + margin)
 
 
-LINE, DOT, BLOCK, DOWN, HOLLOW, CROSS = "▬", "●", "■", "▼", "▽", "✕"
+LINE, DOT, BLOCK, DOWN, CROSS = "▬", "●", "■", "▼", "✕"
 """The signs of names: a line, a dashed one, dots, an area, marks."""
 
 

@@ -35,7 +35,6 @@ def counter_section(counters: Counters, span_m: float, since: str, wear: tuple[f
         ("travel, m", f"{counters.travel_m:,.2f}"),
         ("full strokes", f"{counters.full_strokes(span_m):,.1f}"),
         ("moves", f"{counters.moves:,}"),
-        ("moves with learned Γ", f"{counters.table_moves:,}"),
         ("failed pushes", f"{counters.failed_pushes:,}"),
         ("slips", f"{counters.slips:,}"),
         ("sticks", f"{counters.sticks:,}"),

@@ -8,7 +8,6 @@ import shlex
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from positioner.bench.inprocess import configure
 from positioner.bench.playable import slidable_mm
 from positioner.campaign.report import scenario_text
 from positioner.cycle.events import MoveBegan
@@ -154,7 +153,7 @@ def _explained(run: Run, scenario: Scenario, verdict: Verdict) -> list[str]:
         newest = explainer.add(cycle.time_s, cycle.mode, events, cycle.current_ma)
     if newest is None:
         return ["the law was never asked"]
-    words = command_lines(newest, configure(scenario).control.table_cell_m)
+    words = command_lines(newest)
     begun = sum(begin_s <= each.begun_s for each in explainer.moves)
     return [" ".join(each.split()) for each in words] + ([] if begun else ["no move began in this dwell"])
 

@@ -17,7 +17,6 @@ from positioner.bench.modes import ModeSpan
 from positioner.bench.reasons import Reasons, reasons
 from positioner.bench.scenario import parse_scenario
 from positioner.bench.trend import TrendData, draw_trend, headline, title, trend_figure
-from positioner.laws.move_reason import BreakawaySource
 from positioner.pictures.curves import envelope
 from positioner.valve.stiction import Quantity
 from positioner.wire.messages import Cause, Mode
@@ -170,15 +169,15 @@ def test_a_run_without_control_is_marked_above_its_figures_and_its_cause_stands_
     assert any(line.startswith("ACTIVE 80 % of the time  ·  error") for line in written)
 
 
-def test_a_move_is_marked_by_where_its_breakaway_current_came_from_and_a_fallback_too() -> None:
+def test_a_move_is_marked_and_a_fallback_too() -> None:
     time_s = np.array([0.1, 0.2, 0.3, 0.4])
-    sources = [None, BreakawaySource.TABLE, BreakawaySource.MODEL, None]
-    marks = reasons(time_s, sources, ["", "", "", "no plan: the fastest inputs that keep the bound"])
-    assert (marks.by_table_s.tolist(), marks.by_model_s.tolist(), marks.fell_back_s.tolist()) == ([0.2], [0.3], [0.4])
+    moves = [False, True, True, False]
+    marks = reasons(time_s, moves, ["", "", "", "no plan: the fastest inputs that keep the bound"])
+    assert (marks.moved_s.tolist(), marks.fell_back_s.tolist()) == ([0.2, 0.3], [0.4])
 
 
 def test_the_marks_stand_in_the_panel_of_the_current(tmp_path: Path, plain: NDArray[np.float32]) -> None:
-    why = Reasons(np.array([0.2]), np.array([0.4]), np.array([0.6]))
+    why = Reasons(np.array([0.2, 0.4]), np.array([0.6]))
     marked = picture(tmp_path / "trend.png", replace(example(), why=why))
     rows = np.flatnonzero((marked != plain).any(axis=(1, 2))) / marked.shape[0]
     # the second of four panels, from its top: see draw_trend's ratios
@@ -240,7 +239,7 @@ def test_the_headline_names_the_figures_that_matter() -> None:
 
 
 def test_the_text_of_the_picture_is_legible_and_covers_no_other_text() -> None:
-    why = Reasons(np.array([0.2]), np.array([0.4]), np.array([0.6]))
+    why = Reasons(np.array([0.2, 0.4]), np.array([0.6]))
     check(trend_figure(replace(example(), why=why, modes=interrupted(Mode.HOLD, 0.5, 0.503))))
 
 

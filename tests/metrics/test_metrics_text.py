@@ -25,7 +25,7 @@ from positioner.health.counters import Counters as Kept
 from positioner.health.monitor import begin_health
 from positioner.laws.bounds import Bounds
 from positioner.laws.law import Decision
-from positioner.laws.move_reason import Breakaway, MoveReason
+from positioner.laws.move_reason import MoveReason
 from positioner.metrics.exposition import text_of
 from positioner.metrics.snapshot import snapshot_of
 from positioner.shadow.differences import Differences
@@ -48,7 +48,7 @@ def snapshot(state: CycleState, valve: str = "FV-101", kept: Kept | None = None)
 def compared() -> Differences:
     """Return the differences of three cycles, in two of which the shadow began a move: 0.05, -2 and 0.25 mA."""
     found, bounds = Differences(0), Bounds(-1.0, 1.0, 4.0, 20.0)
-    reason, stem = MoveReason(1e-3, Breakaway(12.0), 0.06), StemState(0.05, 0.0, True, 1.0)
+    reason, stem = MoveReason(1e-3, 12.0, 0.06), StemState(0.05, 0.0, True, 1.0)
     for number, (apart_ma, own, other) in enumerate(((0.05, None, reason), (-2.0, reason, reason), (0.25, None, None))):
         acting, shadow = (
             Controlled(0.0, 0.06, 0.05, stem, Decision(each_ma, bounds, reason=why), each_ma, Mode.ACTIVE, 0)

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.move_reason import Believed, Breakaway, MoveReason
+from positioner.laws.move_reason import Believed, MoveReason
 from positioner.values import dataclass, replace
 from positioner.valve.gaussian import Gaussian, gaussian_of
 
@@ -224,7 +224,7 @@ class ValveBelief:
             for mean, variance in zip(self.numbers.mean[:_FORCES], self.numbers.variances[:_FORCES], strict=True)
         )
         believed = Believed(spring, offset, static, sliding, self.landing_sigma_m(target_m, direction))
-        return MoveReason(target_m - start_m, Breakaway(self.freeing_ma(start_m, direction)), target_m, believed)
+        return MoveReason(target_m - start_m, self.freeing_ma(start_m, direction), target_m, believed)
 
     def after_move(self, changes: float = 1.0) -> ValveBelief:
         """Return the belief before another move: friction and forces may have changed a little.

@@ -68,7 +68,7 @@ def _begun(setup: Setup, state: CycleState, reading: Reading) -> ControlState:
     """Return the state in which control begins: it holds the present position until the host asks for another."""
     here_m = start_m(state.handover, reading.position_m)
     setpoint_m = min(max(here_m, setup.valve.travel_min_m), setup.valve.travel_max_m)
-    memory = setup.law.begin(setpoint_m)
+    memory = setup.law.begin(here_m)
     return replace(state.control, memory=memory, stem=None, setpoint_m=setpoint_m, path=NEW_PATH)
 
 

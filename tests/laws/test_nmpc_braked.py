@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from euler_valve import EulerValve
+from loop_helpers import Loop
 
 from positioner.bench.inprocess import run_in_process
 from positioner.bench.metrics import dwell_metrics
 from positioner.bench.scenario import Scenario
+from positioner.cycle.events import MoveBegan
 from positioner.laws.estimator_settings import EstimatorSettings
 from positioner.laws.nmpc.belief import Landing, belief_of
 from positioner.laws.nmpc.factory import nmpc_law
@@ -701,3 +703,17 @@ def test_where_friction_scatters_errors_are_corrected_where_that_pays() -> None:
     found = played(scenario("nmpc", 0.02, 0.02, stochastic={"friction_fraction": 0.1}))
     assert max(error_pct for error_pct, _ in found) < 0.4
     assert sum(settling_s is not None and settling_s < 0.1 for _, settling_s in found) >= 5
+
+
+def test_a_way_there_and_back_teaches_the_friction_of_both_directions() -> None:
+    # 2 % noise: a setpoint 7 mm below is first approached from below, by way of 20 mm further down
+    loop = Loop("nmpc", seed=1, plant={"preset": "paper"})
+    for setpoint_m in (0.073, 0.087):
+        loop.run(1.2, setpoint_m)
+    closing_m = loop.state.control.memory.belief.landing_sigma_m(0.073, -1.0)
+    loop.run(1.2, 0.08)
+    assert loop.state.control.memory.belief.landing_sigma_m(0.073, -1.0) < 0.3 * closing_m
+    moves = len(loop.events_of(MoveBegan))
+    loop.run(1.2, 0.073)
+    assert len(loop.events_of(MoveBegan)) == moves + 1  # straight there
+    assert loop.position_m == pytest.approx(0.073, abs=3e-4)

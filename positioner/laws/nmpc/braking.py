@@ -196,8 +196,9 @@ class Braking:
 
     def with_way(self, memory: NmpcMemory, *, goes_on: bool) -> NmpcMemory:
         """Return the memory of a move that begins; goes_on: the stem may still be on its way."""
-        pressure = memory.pressure
-        way = None if goes_on or pressure is None else Way(pressure, memory.move.start_m)
+        pressure, way = memory.pressure, memory.braked.way
+        if not goes_on:
+            way = None if pressure is None else Way(pressure, memory.move.start_m)
         return replace(memory, braked=replace(memory.braked, way=way, track=None))
 
     def with_track(self, memory: NmpcMemory, plan: SlipPlan) -> NmpcMemory:
@@ -260,8 +261,8 @@ class Braking:
             return memory
         end_m = judge.stem_m(memory)
         least_m = judge.least_m(math.sqrt(memory.position_m2 + move.start_m2))
-        way_m = move.direction * (move.target_m - way.start_m)
-        if move.direction * (end_m - way.start_m) < max(least_m, _MOST_OF_WAY * way_m):
+        way_m = move.direction * (move.target_m - move.start_m)
+        if move.direction * (end_m - move.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return memory
         reading_m2 = judge.reading_m2(memory, memory.position_m)
         local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)

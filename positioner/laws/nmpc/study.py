@@ -4,9 +4,9 @@ The rollout of `valve.rollout` says where the stem is at each reading, for each 
 
     θ = (k, c, f_c, f_s, ln λ, ln ν),    λ, ν: lag and viscous friction over what is configured.
 
-Readings z of the way, in at most 64 blocks, are a measurement z = h(θ) + noise. What is believed of θ is a Gaussian, so
-θ is found by Gauss-Newton steps from it (iterated extended Kalman filter, Bell and Cathey 1993), with derivatives of
-the rollout by differences.
+A move away and the one back are one way, which shows the friction of both directions. Readings z, in at most 64 blocks,
+are a measurement z = h(θ) + noise. What is believed of θ is a Gaussian, so θ is found by Gauss-Newton steps from it
+(iterated extended Kalman filter, Bell and Cathey 1993), with derivatives of the rollout by differences.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class Study:
             reading_m2: variance of a reading.
             left_part: part of the rollout's variance that is expected to be left of the way.
         """
-        noise_m2, own_m = reading_m2 / self.way.size, _OWN_M + _OWN * abs(end_m - self.way.start_m)
+        noise_m2, own_m = reading_m2 / self.way.size, _OWN_M + _OWN * self._gone_m(end_m)
         own_m2 = own_m * own_m
         expected, columns = self.blocks(numbers.mean), self._columns(numbers.mean)
         missed_m, line = end_m - expected[-1], tuple([column[-1] for column in columns])
@@ -138,6 +138,13 @@ class Study:
         shown_m2 = min(max(_MORE * left_m2, left_part * own_m2), own_m2)
         found = within(self._stepped(numbers, found.mean, expected, columns, noise_m2 + shown_m2))
         return Studied(found, left_m2 < own_m2, left_m2, min(left_m2 / own_m2, 1.0), missed_m, line)
+
+    def _gone_m(self, end_m: float) -> float:
+        """Return the length of the way, there and back."""
+        start_m, full = self.way.start_m, self.way.sums[:-1] or self.way.sums
+        low_m = min(start_m, end_m, *[total / self.way.size for total in full])
+        high_m = max(start_m, end_m, *[total / self.way.size for total in full])
+        return 2.0 * (high_m - low_m) - abs(end_m - start_m)
 
     def blocks(self, theta: tuple[float, ...]) -> list[float]:
         """Return the means of the full blocks as θ has them."""

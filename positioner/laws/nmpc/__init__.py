@@ -1,1 +1,1 @@
-"""The law `quasi-static`: moves that end where spring and sliding friction balance the pressure. Pure."""
+"""The law `nmpc`, and `quasi-static`, which is the same without braked moves. Pure."""

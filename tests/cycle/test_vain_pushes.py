@@ -169,6 +169,9 @@ def test_a_stem_that_is_stuck_under_a_noisy_sensor_is_told_from_an_error_on_that
     loop.plant = replace(loop.plant, valve=valve)
     loop.run(30.0, HERE_M - 0.005)
     assert loop.state.guard.cause is Cause.NO_MOTION
+    told = str(loop.events_of(NoMotion)[0])
+    assert " pushes moved neither the stem nor its reading, " in told
+    assert " mm: look for a frozen sensor" in told
 
 
 @pytest.mark.parametrize("friction", [0.8, 1.2])

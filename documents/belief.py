@@ -14,13 +14,13 @@ from positioner.bench.scenario import Scenario
 from positioner.pictures.colours import CLOSING, INK, OPENING
 from positioner.pictures.files import save
 from positioner.pictures.panels import LABEL, NORMAL, SMALL, dress, new_figure
+from positioner.valve.parameters import ValveParameters
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from positioner.laws.law import Decision, Estimate, Law, Observation
     from positioner.laws.nmpc.belief import ValveBelief
-    from positioner.valve.parameters import ValveParameters
     from positioner.valve.state import StemState
     from positioner.valve.stiction import StictionTable
 
@@ -28,6 +28,7 @@ SHOWN = (0, 1, 5)
 """After so many setpoints."""
 _SETPOINTS_MM = (97.0, 82.0, 90.0, 80.0, 95.0, 86.0)
 _LAG_S, _TRUE_LAG_S = 0.05, 0.065
+_TOLD = ValveParameters(id="paper")
 _SPRING, _FRICTION = 0.85, 1.25
 """Of what is configured."""
 _SIGMAS = 2.0
@@ -69,9 +70,9 @@ def scenario() -> Scenario:
     plant: dict[str, Any] = {
         "preset": "real-valve",
         "valve": {
-            "spring_rate_n_per_m": _SPRING * 52538.0,
-            "static_friction_n": _FRICTION * 1707.7,
-            "coulomb_friction_n": _FRICTION * 1423.0,
+            "spring_rate_n_per_m": _SPRING * _TOLD.spring_rate_n_per_m,
+            "static_friction_n": _FRICTION * _TOLD.static_friction_n,
+            "coulomb_friction_n": _FRICTION * _TOLD.coulomb_friction_n,
         },
         "actuator": {"fill_time_constant_s": _TRUE_LAG_S, "vent_time_constant_s": _TRUE_LAG_S},
         "sensor": {"noise_of_reading": 0.0, "noise_of_span": 0.0005},

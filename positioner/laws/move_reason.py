@@ -26,7 +26,7 @@ class Believed:
 class MoveReason:
     """The error in m that a move is to correct, and the breakaway current in mA that frees the stem.
 
-    aim_m: where the move is to end. It is not the setpoint where the move first backs off, or corrects a landing bias.
+    aim_m: where the move is to end. It is not the setpoint where the stem is first moved away.
     believed: what is believed of the valve, None where the law takes it for the configured one.
     """
 

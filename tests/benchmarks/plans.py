@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from time import perf_counter_ns
 from typing import TYPE_CHECKING
 
@@ -40,20 +41,19 @@ class _Recorder:
         return self._solver.solve(program, inputs, multipliers)
 
 
-def recorded_programs() -> list[QuadraticProgram]:
-    """Return every programme of a run: the lag is configured, and the guard limits the rate of the current."""
+@cache
+def recorded_programs() -> tuple[QuadraticProgram, ...]:
+    """Return every programme of a run: the lag is configured, and the guard limits the rate of the current.
+
+    The run is played once, for all programs that a process measures.
+    """
     wanted = scenario(1e-3, _SETPOINTS, _DWELL_S, _SEED, _LAG_S)
     configuration = configure(replace(wanted, guard={"max_rate_ma_per_s": _RATE_MA_PER_S}))
     recorder = _Recorder(QpSolver(KNOTS, KNOTS))
     ingredients = replace(configuration.ingredients, make_solver=lambda _inputs, _steps: recorder)
     for _ in record(wanted, configuration, make_law("nmpc", ingredients)):
         pass
-    return recorder.programs
-
-
-def solved(solver: Solver, program: QuadraticProgram) -> list[float] | None:
-    """Return the changes (H_u,) in mA that the solver finds, from none on, as the law asks for them."""
-    return solver.solve(program, (0.0,) * KNOTS, (0.0,) * (2 * KNOTS))
+    return tuple(recorder.programs)
 
 
 class PlanCase:
@@ -70,7 +70,7 @@ class PlanCase:
         first_ma: list[float | None] = []
         for program in self._programs:
             began = perf_counter_ns()
-            found = solved(solver, program)
+            found = solver.solve(program, (0.0,) * KNOTS, (0.0,) * (2 * KNOTS))  # as the law asks for it
             durations_ns.append(perf_counter_ns() - began)
             first_ma.append(found[0] if found else None)
         return Play(durations_ns, json.dumps(first_ma))

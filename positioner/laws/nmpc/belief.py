@@ -163,9 +163,12 @@ class ValveBelief:
 
     def reachable_m(self, position_m: float, low_ma: float, high_ma: float) -> float:
         """Return the nearest place to which the lowest and the highest current let a stem slide."""
-        low_m = (low_ma - self.offset_ma + self.sliding_ma) / self.spring_ma_per_m
-        high_m = (high_ma - self.offset_ma - self.sliding_ma) / self.spring_ma_per_m
+        low_m, high_m = self._slides_to_m(low_ma, -1.0), self._slides_to_m(high_ma, 1.0)
         return min(max(position_m, low_m), max(high_m, low_m))
+
+    def _slides_to_m(self, pressure_ma: float, direction: float) -> float:
+        """Return where a stem that slides in `direction` stops under a pressure."""
+        return (pressure_ma - self.offset_ma - direction * self.sliding_ma) / self.spring_ma_per_m
 
     def nearest_m(self, setpoint_m: float, here_m: float, low_ma: float, high_ma: float, left_m: float) -> float:
         """Return the place nearest to a setpoint where a stem can be that is here.
@@ -177,11 +180,7 @@ class ValveBelief:
         if found == setpoint_m:
             return found
         direction = 1.0 if setpoint_m > here_m else -1.0
-        low_m, high_m = (
-            (end_ma - self.offset_ma - direction * self.sliding_ma) / self.spring_ma_per_m
-            for end_ma in (low_ma, high_ma)
-        )
-        next_m = min(max(setpoint_m, low_m), high_m)
+        next_m = min(max(setpoint_m, self._slides_to_m(low_ma, direction)), self._slides_to_m(high_ma, direction))
         if direction * (next_m - here_m) > self.jump_m and abs(next_m - setpoint_m) < abs(found - setpoint_m):
             found = next_m
         error_m = abs(here_m - setpoint_m)

@@ -101,9 +101,8 @@ class Braking:
 
     def knows_lag(self, memory: NmpcMemory) -> bool:
         """Whether the whole way of a move has shown the lag."""
-        if self.judge.valve.actuator.slower_lag_s == 0.0:
-            return memory.is_lag_known and memory.more_lag_s == 0.0
-        return memory.is_lag_known and memory.more_lag_s == 0.0 and memory.belief.lag_sigma < _LAG_KNOWN
+        has_none = self.judge.valve.actuator.slower_lag_s == 0.0
+        return memory.is_lag_known and memory.more_lag_s == 0.0 and (has_none or memory.belief.lag_sigma < _LAG_KNOWN)
 
     def prepared(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with how far away a move to a setpoint must begin to be braked by its readings."""

@@ -109,14 +109,21 @@ class NmpcLaw:
 
     def begin(self, measured_m: float) -> NmpcMemory:
         """Return the memory of a law whose first setpoint is this reading, in m, and that knows what is configured."""
-        doubt_m = 0.1 * self.valve.span_m
+        doubt_m, sigma_m = 0.1 * self.valve.span_m, self.judge.sigma_m(measured_m)
         move = Move(None, 0.0, measured_m, 0.0, 0.0, 0.0, measured_m, doubt_m * doubt_m, 0.0)
         belief = belief_of(self.valve)
         memory = NmpcMemory(
-            belief, Noise(), move, NO_REST, None, measured_m, doubt_m * doubt_m, measured_m, setpoint_m=measured_m
+            belief,
+            Noise(),
+            move,
+            NO_REST,
+            None,
+            measured_m,
+            doubt_m * doubt_m,
+            measured_m,
+            setpoint_m=measured_m,
+            setpoint_m2=sigma_m * sigma_m,
         )
-        sigma_m = self.judge.sigma_m(measured_m)
-        memory = replace(memory, setpoint_m2=sigma_m * sigma_m)
         return memory if self.braking is None else replace(memory, hurries=True, braked=self.braking.begun())
 
     def resumed(self, memory: NmpcMemory, measured_m: float) -> NmpcMemory:
@@ -146,8 +153,15 @@ class NmpcLaw:
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
         area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
         move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
-        memory = replace(memory, pressure=pressure, smooth_m=smooth_m, move=move, sent_ma=sent_ma, behind_ma=behind_ma)
-        memory = replace(memory, way_s=memory.way_s + elapsed_s)
+        memory = replace(
+            memory,
+            pressure=pressure,
+            smooth_m=smooth_m,
+            move=move,
+            sent_ma=sent_ma,
+            behind_ma=behind_ma,
+            way_s=memory.way_s + elapsed_s,
+        )
         if self.braking is not None:
             memory = self.braking.read(memory, measured_m)
         arrived, lessons = abs(behind_ma - move.level_ma) <= self.judge.near_ma(memory), memory.lessons

@@ -142,9 +142,8 @@ class Study:
     def _gone_m(self, end_m: float) -> float:
         """Return the length of the way, there and back."""
         start_m, full = self.way.start_m, self.way.sums[:-1] or self.way.sums
-        low_m = min(start_m, end_m, *[total / self.way.size for total in full])
-        high_m = max(start_m, end_m, *[total / self.way.size for total in full])
-        return 2.0 * (high_m - low_m) - abs(end_m - start_m)
+        places_m = [start_m, end_m, *[total / self.way.size for total in full]]
+        return 2.0 * (max(places_m) - min(places_m)) - abs(end_m - start_m)
 
     def blocks(self, theta: tuple[float, ...]) -> list[float]:
         """Return the means of the full blocks as θ has them."""

@@ -21,14 +21,17 @@ from positioner.laws.law import Observation
 from positioner.laws.nmpc.belief import Landing, ValveBelief, belief_of
 from positioner.laws.nmpc.factory import nmpc_law
 from positioner.laws.nmpc.kept import lesson_of, taught
+from positioner.laws.nmpc.landing import inertia_m
 from positioner.laws.nmpc.law import NmpcLaw
-from positioner.laws.nmpc.memory import NmpcMemory
-from positioner.laws.nmpc.move import Currents, Limits, Stage, Stem, Step, boost_samples, is_worth_it, steps_to
+from positioner.laws.nmpc.memory import Move, NmpcMemory
+from positioner.laws.nmpc.move import Limits, Stage, Stem, Step, boost_samples, is_worth_it, steps_to
 from positioner.laws.nmpc.rest import NO_REST, Noise, Rest
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
+from positioner.valve.gaussian import gaussian_of
 from positioner.valve.parameters import ValveParameters
 from positioner.valve.pressure import pressure_model
+from positioner.valve.rollout import plant_of
 from positioner.valve.state import StemState
 from positioner.valve.stiction import Quantity, StictionTable
 from positioner.wire.messages import Cause, CurrentCommand
@@ -121,8 +124,8 @@ def test_a_valve_that_is_told_wrongly_is_known_after_a_restart(told: dict[str, o
     before_mm, after_mm = (
         1e3 * float(np.abs(run.recording.true_position_m[:end] - setpoint_m).mean()) for run in (first, again)
     )  # over the first dwell
-    assert 1.2 < before_mm < 6.0
-    assert 0.4 < after_mm < 0.85
+    assert 1.2 < before_mm < 6.5
+    assert 0.4 < after_mm < 1.1
     assert after_mm < 0.55 * before_mm
     moves_before, moves_after = (sum(isinstance(each, MoveBegan) for each in run.events) for run in (first, again))
     assert 8 <= moves_after < moves_before < 30
@@ -225,6 +228,20 @@ def test_what_moved_a_stem_under_a_current_that_stood_still_is_nothing_but_a_for
     after = [known_valve().landed(moved, 1e-10, 0.0, is_force=is_force) for is_force in (True, False)]
     assert abs(after[0].sliding_ma - SLIDING) < 0.02 < abs(after[1].sliding_ma - SLIDING)
     assert after[0].landing_ma(0.08, -1.0) == pytest.approx(moved.pressure_ma, abs=0.3)
+
+
+@pytest.mark.parametrize(("short_ma", "is_other"), [(0.3, False), (3.0, True)])
+def test_a_push_in_vain_far_beyond_what_frees_a_stem_shows_a_force_or_friction(short_ma: float, is_other: bool) -> None:
+    before = known_valve()
+    pushed_ma = before.freeing_ma(0.08, 1.0) + short_ma
+    after = before.held(0.08, 1.0, pushed_ma)
+    assert (after.landings == ()) is is_other
+    more_ma, friction_ma = after.offset_ma - before.offset_ma, after.static_ma - before.static_ma
+    assert 0.5 * short_ma < abs(more_ma) + friction_ma < short_ma + 1.8
+    if is_other:
+        assert more_ma == pytest.approx(friction_ma, rel=0.35)  # as likely the one as the other
+        assert after.sliding_ma == pytest.approx(SLIDING, abs=0.1)
+        assert after.held(0.08, -1.0, after.freeing_ma(0.08, -1.0) - 2.0).static_ma > after.static_ma + 0.5
 
 
 def test_a_push_that_frees_a_stem_as_it_should_says_nothing_new_however_often() -> None:
@@ -404,15 +421,17 @@ def test_a_hurried_pressure_stays_short_of_its_level_also_where_the_lag_is_a_fif
 
 
 def test_mass_carries_a_stem_of_little_viscous_friction_beyond_its_balance() -> None:
-    belief, model = belief_of(VALVE), pressure_model(VALVE.actuator, 1e-3)
-    level_ma = belief.landing_ma(0.09, 1.0)
-    slow = Stem(1.361 / GAIN, 612.9 / GAIN, 1e-3, 1)
-    quick = Stem(1.361 / GAIN, 200.0 / GAIN, 1e-3, 1)
+    swings_m = []
+    for viscous in (612.9, 200.0):
+        valve = replace(VALVE, viscous_friction_n_s_per_m=viscous)
+        belief, plant = belief_of(valve), plant_of(valve, 1e-3, 0.0)
+        level_ma = belief.landing_ma(0.09, 1.0)
+        move = Move(Stage.LAND, 1.0, 0.09, level_ma, 11.0, 11.0, 0.07, 0.0, 0.0)
+        swings_m.append(inertia_m(plant, belief, pressure_model(valve.actuator, 1e-3).at_rest(11.0), move, 1e-3))
 
-    assert slow.beyond_m(model, model.at_rest(11.0), belief, 0.07, Currents(1.0, level_ma)) < 1e-4
-    swing_m = quick.beyond_m(model, model.at_rest(11.0), belief, 0.07, Currents(1.0, level_ma))
+    assert swings_m[0] < 1e-4
     # ζ = 200/(2√(1.361·52538)) = 0.374: e^(-πζ/√(1-ζ²)) = 28 % of the way from the start, 20 mm
-    assert swing_m == pytest.approx(0.28 * 0.02, rel=0.05)
+    assert swings_m[1] == pytest.approx(0.28 * 0.02, rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -420,7 +439,7 @@ def test_mass_carries_a_stem_of_little_viscous_friction_beyond_its_balance() -> 
 )
 def test_mass_matters_where_a_stem_is_light_and_the_pressure_quick(viscous: float, lags: float, expected: bool) -> None:
     mass = 1.361 / GAIN
-    stem = Stem(mass, 2.0 * viscous * math.sqrt(mass * SPRING), 1e-3, 1)
+    stem = Stem(mass, 2.0 * viscous * math.sqrt(mass * SPRING))
     assert stem.swings(SPRING, lags * math.sqrt(mass / SPRING)) is expected
 
 
@@ -442,7 +461,7 @@ def test_a_light_stem_behind_a_slow_pressure_slides_through_from_so_many_slip_ju
     ratio: float, lags: float
 ) -> None:
     spring, mass = SPRING, 1.361 / GAIN
-    stem = Stem(mass, 2.0 * ratio * math.sqrt(mass * spring), 1e-3, 1)
+    stem = Stem(mass, 2.0 * ratio * math.sqrt(mass * spring))
     jumps = stem.slides_through(spring, lags * math.sqrt(mass / spring))
 
     assert 1.1 < jumps < 4.0
@@ -457,7 +476,7 @@ def test_a_stem_slides_through_where_it_is_damped_or_the_pressure_quick(
     viscous: float, lag_s: float, expected: float
 ) -> None:
     mass = 1.361 / GAIN
-    stem = Stem(mass, 2.0 * viscous * math.sqrt(mass * SPRING), 1e-3, 1)
+    stem = Stem(mass, 2.0 * viscous * math.sqrt(mass * SPRING))
     assert stem.slides_through(SPRING, lag_s) == expected
 
 
@@ -618,6 +637,80 @@ def test_a_stem_that_a_force_has_moved_is_brought_back_by_a_move_that_knows_the_
     assert loop.position_m == pytest.approx(0.08, abs=6e-4)
 
 
+def test_a_setpoint_beyond_the_believed_reach_is_tried_also_where_that_reach_ends_near_the_stem() -> None:
+    told = {"spring_rate_n_per_m": 61600.0}  # 17 % too much
+    believed_m = belief_of(replace(VALVE, spring_rate_n_per_m=61600.0)).reachable_m(0.095, 4.0, 20.0)
+    plant = {**QUIET, "valve": {"initial_position_m": 0.085}}
+    loop = Loop("nmpc", sample_period_s=0.005, plant=plant, valve=told)
+    loop.run(2.0, 0.095)
+    assert believed_m == pytest.approx(0.085, abs=5e-4)
+    assert loop.position_m == pytest.approx(0.095, abs=1e-3)
+
+
+def returned(law: NmpcLaw, moved_m: float, level_ma: float, push: float) -> tuple[NmpcMemory, NmpcMemory]:
+    """Return the memory before and after a stem at 80 mm has moved while the pressure returned to a level."""
+    begun = law.begin(0.08)
+    before_ma = begun.belief.landing_ma(0.08, push)
+    move = Move(Stage.RETURN, push, 0.08, level_ma, before_ma, before_ma, 0.08, 1e-10, 0.0)
+    at_rest = replace(begun, move=move, pressure=law.model.at_rest(level_ma), behind_ma=level_ma)
+    return at_rest, law.lessons.landed(replace(at_rest, position_m=0.08 + moved_m, position_m2=1e-10))
+
+
+def test_a_stem_that_slides_back_with_the_pressure_has_less_friction_or_a_force() -> None:
+    middle_ma = belief_of(VALVE).balance_ma(0.08)
+    law, moved_m = law_of(), -0.95 * SLIDING / SPRING  # nearly as far as one without friction
+    before, after = returned(law, moved_m, middle_ma, 1.0)
+    assert after.belief.landing_ma(0.08 + moved_m, -1.0) == pytest.approx(middle_ma, abs=0.35)
+    assert before.belief.offset_ma + SLIDING < after.belief.offset_ma < before.belief.offset_ma + 2.0 * SLIDING
+    assert after.move.direction == -1.0
+    known = after.belief.landed(Landing(0.08, 1.0, middle_ma + 0.05 * SLIDING), 1e-10, 0.0)  # a landing tells the two
+    assert known.sliding_ma < 0.4 * SLIDING
+    assert known.offset_ma == pytest.approx(0.0, abs=1.5)
+
+
+@pytest.mark.parametrize(("moved_m", "learns"), [(-0.003, False), (0.002, False), (0.02, True)])
+def test_a_stem_that_moves_against_the_pressure_was_moved_by_a_force(moved_m: float, learns: bool) -> None:
+    before, after = returned(law_of(), moved_m, belief_of(VALVE).balance_ma(0.08), 1.0)
+    assert (after.belief != before.belief) is learns
+    if learns:
+        assert after.belief.offset_ma < before.belief.offset_ma - 4.0
+        assert after.belief.static_ma == pytest.approx(before.belief.static_ma, abs=0.02)
+
+
+def test_a_force_that_comes_while_the_pressure_returns_is_known_at_the_next_move() -> None:
+    valve = {"static_friction_n": 900.0, "coulomb_friction_n": 750.0}
+    loop = Loop("quasi-static", sample_period_s=0.005, plant={**QUIET, "valve": valve}, valve=valve)
+    loop.run(1.2, 0.073)
+    while memory_of(loop).move.stage is not Stage.RETURN:
+        loop.run(0.005, 0.08)
+    loop.plant = replace(loop.plant, process=replace(loop.plant.process, force_n=1100.0))
+    loop.run(1.0, 0.08)
+    assert memory_of(loop).belief.offset_ma == pytest.approx(1100.0 / GAIN, abs=0.35)
+    assert loop.position_m == pytest.approx(0.08, abs=6e-4)
+
+
+@pytest.mark.parametrize(("is_lag_known", "left"), [(True, 0.7**3), (False, 1.0)])
+def test_what_a_force_has_made_rests_wait_for_is_taken_back(is_lag_known: bool, left: float) -> None:
+    law = law_of()
+    memory = replace(law.begin(0.08), later_s=0.5, is_lag_known=is_lag_known)
+    for _ in range(3):
+        memory = law.judge.settled(replace(memory, rest=Rest(3, 0.24, 0.0192)))
+    assert memory.later_s == pytest.approx(0.5 * left)
+
+
+@pytest.mark.parametrize(("way_m", "sigma_m", "moves"), [(5e-4, 1e-3, False), (5e-4, 6e-4, True), (8e-4, 1e-2, True)])
+def test_a_new_setpoint_is_left_where_a_move_to_it_would_probably_end_farther_away(
+    way_m: float, sigma_m: float, moves: bool
+) -> None:
+    law = law_of()
+    begun = law.begin(0.08)
+    numbers = gaussian_of(begun.belief.numbers.mean, (1e-3, sigma_m * SPRING, *[1e-3] * 4))
+    belief = replace(begun.belief, numbers=numbers, scatter_ma2=1e-6)
+    memory, moved = standing(law, replace(begun, belief=belief, setpoint_m=0.08), 0.08, 0.08 + way_m, 0.3)
+    assert (moved > 0) is moves
+    assert not memory.is_new
+
+
 @pytest.mark.parametrize(("rested_s", "learns"), [(0.01, False), (0.1, True)])
 def test_a_stem_that_a_force_has_just_moved_teaches_nothing_where_the_setpoint_changes(
     rested_s: float, learns: bool
@@ -661,8 +754,7 @@ def test_friction_that_is_gone_is_no_reason_to_swing() -> None:
     run = run_in_process(played)
     errors = errors_pct(run, played)
 
-    assert max(errors[1:]) < 1.0
-    assert max(errors[2:]) < 0.5
+    assert 0.1 < max(errors) < 0.6
     moves = [event for event in run.events if isinstance(event, MoveBegan)]
     assert len(moves) < 6 * len(SETPOINTS_MM)
 
@@ -773,6 +865,19 @@ def standing(
     return memory, moves
 
 
+def test_a_law_that_begins_under_a_current_beyond_the_loop_sees_where_the_stem_goes() -> None:
+    law = law_of()
+    memory, current_ma, moves = replace(law.begin(0.08), setpoint_m=0.08), 23.9, 0
+    for cycle in range(500):
+        measured_m = 0.08 if cycle < 2 else 0.09
+        seen = Observation(measured_m, current_ma, 1e-3, 0.08, cycle * 1e-3)
+        memory, estimate = law.estimate(memory, seen)
+        memory, decision = law.decide(memory, estimate.stem, seen, StictionTable())
+        current_ma, moves = decision.current_ma, moves + (decision.reason is not None)
+        assert 4.0 <= current_ma <= 20.0
+    assert moves > 0
+
+
 @pytest.mark.parametrize(
     ("way_m", "more_lag_s", "stage"),
     [(0.015, 0.0, Stage.AWAY), (0.015, -0.2, Stage.LAND), (0.012, -0.2, Stage.AWAY)],  # 12.4 mm go straight without lag
@@ -793,7 +898,7 @@ def test_a_push_into_a_stop_is_not_in_vain(position_m: float, failed: int) -> No
     begun = law.begin(position_m)
     level_ma = begun.belief.freeing_ma(position_m, 1.0) + 0.5
     move = replace(begun.move, stage=Stage.LAND, direction=1.0, level_ma=level_ma, start_m2=1e-10)
-    after = law._landed(replace(begun, move=move, pressure=law.model.at_rest(level_ma), position_m2=1e-10))
+    after = law.lessons.landed(replace(begun, move=move, pressure=law.model.at_rest(level_ma), position_m2=1e-10))
     assert after.failed == failed
     assert (after.belief == begun.belief) is (failed == 0)
 

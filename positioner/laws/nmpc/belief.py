@@ -284,23 +284,33 @@ class ValveBelief:
     def ran_on(self, landing: Landing) -> ValveBelief:
         """Return the belief after a stem that slid was held by a stop: it would have landed there or beyond."""
         direction = landing.direction
-        return self._pushed((-direction * landing.position_m, -direction, -1.0, 0.0), -direction * landing.pressure_ma)
+        line = (-direction * landing.position_m, -direction, -1.0, 0.0)
+        return replace(self, numbers=self._pushed(self.numbers, line, -direction * landing.pressure_ma))
 
     def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
-        """Return the belief after a stem has not moved under a pressure that pushed in `direction`."""
-        return self._pushed((direction * position_m, direction, 0.0, 1.0), direction * pressure_ma)
+        """Return the belief after a stem has not moved under a pressure that pushed in `direction`.
+
+        Where it should have moved by far, a force has come, or friction has grown: as likely the one as the other. What
+        was learned of places held before that.
+        """
+        line, bound_ma = (direction * position_m, direction, 0.0, 1.0), direction * pressure_ma
+        short_ma, known_ma2 = self.numbers.expected(line) - bound_ma, self.numbers.variance(line) + self.scatter_ma2
+        numbers, landings, more_ma2 = self.numbers, self.landings, 0.5 * (short_ma * short_ma - known_ma2)
+        if short_ma < 0.0 and short_ma * short_ma > _SURPRISE * known_ma2:
+            numbers, landings = numbers.widened(OFFSET, more_ma2).widened(STATIC, more_ma2), ()
+        return replace(self, numbers=self._pushed(numbers, line, bound_ma), landings=landings)
 
     def freed(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem that rested was moved by a pressure that pushed in `direction`."""
-        return self._pushed((-direction * position_m, -direction, 0.0, -1.0), -direction * pressure_ma)
+        line, bound_ma = (-direction * position_m, -direction, 0.0, -1.0), -direction * pressure_ma
+        return replace(self, numbers=self._pushed(self.numbers, line, bound_ma))
 
-    def _pushed(self, line: tuple[float, ...], bound_ma: float) -> ValveBelief:
-        """Return the belief after a move has shown that the line is above a bound, where that was not known."""
-        numbers = self.numbers
+    def _pushed(self, numbers: Gaussian, line: tuple[float, ...], bound_ma: float) -> Gaussian:
+        """Return the numbers after a move has shown that the line is above a bound, where that was not known."""
         if numbers.expected(line) - bound_ma > _BELIEVED * math.sqrt(numbers.variance(line)):
-            return self
+            return numbers
         doubt_ma = _BOUND_OF_STATIC * self.static_ma + _BOUND_MA
-        return replace(self, numbers=self.within(numbers.bounded(line, bound_ma, doubt_ma * doubt_ma)))
+        return self.within(numbers.bounded(line, bound_ma, doubt_ma * doubt_ma))
 
     def within(self, numbers: Gaussian) -> Gaussian:
         """Return the numbers with a mean that a valve may have."""

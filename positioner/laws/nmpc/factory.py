@@ -42,11 +42,11 @@ def nmpc_law(
         rate_ma_per_s: the largest rate of the current.
     """
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
-    stem = Stem(plant.mass, plant.viscous, plant.step_s, plant.steps)
+    stem = Stem(plant.mass, plant.viscous)
     judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve.actuator, period_s, delay_s)
     sensor = sensor_lag(valve.sensor_time_constant_s, period_s)
     braking = None
     if solver is not None:
         planner = StopPlanner(solver, limits, NEAR * valve.span_m)
         braking = Braking(judge, limits, plant, sensor, planner, rate_ma_per_s * period_s)
-    return NmpcLaw("nmpc", judge, limits, model, braking=braking, rate_ma_per_s=rate_ma_per_s)
+    return NmpcLaw("nmpc", judge, limits, model, plant, braking=braking, rate_ma_per_s=rate_ma_per_s)

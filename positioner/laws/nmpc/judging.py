@@ -33,6 +33,9 @@ _OF_STEP, _OF_ERROR, _OF_MARGIN = 0.05, 0.1, 0.3
 """Earlier where less matters: 5 % of the step, a tenth of the error that is seen, a third of a margin."""
 _LATER, _FIRST_LATER, _MOST_LATER_S = 1.4, 0.25, 1.0
 """A stem that moves in its rest needs longer: 1.4 times what was added, at least a quarter of the move, at most 1 s."""
+_SOONER = 0.7
+"""Of what was added each rest in which the stem does not move takes 30 % back, where moves have shown the lag: then it
+was a force."""
 _SURE = 0.008
 """Of span: σ of a landing up to which a move away is not measured: it ends as soon as it is seen to be far enough."""
 _MOVED, _MOVED_M = 3.0, 1e-4
@@ -79,9 +82,9 @@ class Judge:
         move, spring = memory.move, memory.belief.spring_ma_per_m
         if move.stage is Stage.AWAY:
             return _OF_MARGIN * spring * move.margin_m
-        if move.stage is Stage.LAND:
-            if memory.rest.readings:
-                return max(_ARRIVED_MA, _OF_ERROR * spring * abs(memory.setpoint_m - memory.position_m))
+        if move.stage is Stage.LAND and memory.rest.readings:
+            return max(_ARRIVED_MA, _OF_ERROR * spring * abs(memory.setpoint_m - memory.position_m))
+        if move.stage in (Stage.LAND, Stage.RETURN):
             return _ARRIVED_MA + _OF_STEP * abs(move.level_ma - move.before_ma)
         return _ARRIVED_MA
 
@@ -111,7 +114,8 @@ class Judge:
         """Return the memory with the place of the last readings, where those before were of a stem that crept."""
         variance_m2, worth = memory.noise.of(self.sigma_m(memory.position_m))
         position_m, readings = memory.rest.latest(self.period_s, variance_m2, worth)
-        return replace(memory, position_m=position_m, position_m2=variance_m2 * worth / readings)
+        later_s = memory.later_s * (_SOONER if memory.is_lag_known else 1.0)
+        return replace(memory, position_m=position_m, position_m2=variance_m2 * worth / readings, later_s=later_s)
 
     def is_judged(self, memory: NmpcMemory, setpoint_m: float) -> bool:
         """Whether the readings since the end of a move are enough to go on."""

@@ -27,12 +27,11 @@ from positioner.laws.nmpc.belief import Landing, belief_of
 from positioner.laws.nmpc.judging import CERTAIN, LAND_BLOCKS, LAND_S, OF_READING, Judge
 from positioner.laws.nmpc.kept import lesson_of, taught
 from positioner.laws.nmpc.lag import MORE_PATIENCE_S, PATIENCE_S, more_lag_s, way_of
-from positioner.laws.nmpc.landing import landing_of
+from positioner.laws.nmpc.landing import Lessons, inertia_m
 from positioner.laws.nmpc.memory import Move, NmpcMemory
 from positioner.laws.nmpc.move import (
     LARGE,
     LEFT_OF_STEP,
-    Currents,
     Limits,
     Stage,
     Step,
@@ -56,23 +55,21 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc.braking import Braking
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.pressure import PressureModel
+    from positioner.valve.rollout import Plant
     from positioner.valve.stiction import StictionTable
 
 _NEW_TOLERANCE = 0.0007
 """Of the span: a new setpoint that is nearer than this needs no move."""
+_EXPECTED = 0.8
+"""Of σ: the mean |error| of a normal distribution, √(2/π)."""
 _HASTY, _LONG_S = 5.0, 0.15
 """σ of the mean that an error must exceed before the readings of 0.15 s have been averaged."""
 _MOST_MOVES = 6
 """Corrections at one setpoint. With 14 the robustness test loses as many dwells, 384 instead of 386, and a stem whose
 reading stands still is thrown about for twice as long."""
-_SLID = 0.9
-"""Of F_c: a push beyond it may have moved the stem, so that its place is a landing."""
-_PUSHED, _CHANCE = 0.6, 2
-"""Of F_s: a weaker push that moved nothing teaches nothing. More pushes in a row that have not moved the stem their way
-are no chance: the valve differs, as where the actuator is reversed."""
-_FREED = 0.5
-"""Of the slip jump: a stem that a force frees slides at least through it, as far as F_s and F_c are known. Noise that
-is alike from reading to reading moves a rest by less, and would be taken for a force of several mA."""
+_CHANCE = 2
+"""More pushes in a row that have not moved the stem their way are no chance: the valve differs, as where the actuator
+is reversed."""
 _LAG_SAMPLES, _SHORTER = 4.0, 0.8
 """A lag of fewer samples is not hurried, nor one of which less than 80 % is seen."""
 _AT_LIMIT_MA = 0.2
@@ -97,6 +94,7 @@ class NmpcLaw:
     judge: Judge
     limits: Limits
     model: PressureModel
+    plant: Plant
     keeps: bool = True
     braking: Braking | None = None
     table_from_s: float = 0.0
@@ -106,6 +104,11 @@ class NmpcLaw:
     def valve(self) -> ValveParameters:
         """The valve as configured."""
         return self.judge.valve
+
+    @property
+    def lessons(self) -> Lessons:
+        """What moves teach."""
+        return Lessons(self.judge, self.limits, self.keeps)
 
     def begin(self, measured_m: float) -> NmpcMemory:
         """Return the memory of a law whose first setpoint is this reading, in m, and that knows what is configured."""
@@ -236,7 +239,9 @@ class NmpcLaw:
             return move if move.waits else self._boosted(memory, move), move.level_ma
         if move.boosted > 0 and not self.judge.is_near(memory):
             return replace(move, boosted=move.boosted - 1), move.boost_ma
-        return replace(move, boosted=0) if move.boosted else move, self.limits.clipped(move.level_ma)
+        level_ma = self.limits.clipped(move.level_ma)  # what was applied when control began may be beyond
+        is_same = move.boosted == 0 and level_ma == move.level_ma
+        return move if is_same else replace(move, level_ma=level_ma, boosted=0), level_ma
 
     def _next(self, memory: NmpcMemory, setpoint_m: float) -> tuple[NmpcMemory, MoveReason | None]:
         """Return the memory after a move that has been judged, and why another one begins."""
@@ -282,9 +287,12 @@ class NmpcLaw:
             is_brief = memory.rest.duration_s < LAND_S or memory.rest.blocks < LAND_BLOCKS
             if is_brief and not memory.is_new:
                 return memory, None
-            memory = replace(memory, carried=None) if is_brief else self._carried(memory, *memory.carried)
+            if not is_brief:
+                from_m, from_m2 = memory.carried
+                memory = self.lessons.carried(memory, memory.position_m - from_m, from_m2)
+            memory = replace(memory, carried=None)
         error_m = abs(setpoint_m - self.judge.stem_m(memory))
-        if memory.is_new and error_m < _NEW_TOLERANCE * self.valve.span_m:
+        if memory.is_new and (error_m < _NEW_TOLERANCE * self.valve.span_m or self._is_left(memory, setpoint_m)):
             return replace(memory, is_new=False), None
         if not memory.is_new and (memory.rest.readings < 2 or not self._is_worth_it(memory, setpoint_m)):  # noqa: PLR2004
             return memory, None
@@ -296,6 +304,15 @@ class NmpcLaw:
             if not (is_due and error_m > LEFT * self.valve.span_m):
                 return memory, None
         return self._planned(memory, setpoint_m)
+
+    def _is_left(self, memory: NmpcMemory, setpoint_m: float) -> bool:
+        """Whether a new setpoint is near, and a move to it is expected to end farther from it than near."""
+        near_m = LARGE * self.valve.span_m
+        if abs(memory.setpoint_m - self.judge.stem_m(memory)) > near_m:  # also where the believed reach ends near it
+            return False
+        direction = self._steps_to(memory, setpoint_m)[-1].direction
+        sigma_m = min(memory.belief.landing_sigma_m(setpoint_m, direction), memory.braked.read_m(direction))
+        return _EXPECTED * sigma_m > near_m and (self.braking is None or self.braking.plan(memory, setpoint_m) is None)
 
     def _is_worth_it(self, memory: NmpcMemory, setpoint_m: float) -> bool:
         """Whether an error is seen, and a correction of it is worth while."""
@@ -360,55 +377,16 @@ class NmpcLaw:
     def _learned(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with what a move teaches."""
         if self.braking is None:
-            return self._landed(memory)
+            return self.lessons.landed(memory)
         memory, slip = self.braking.studied(memory), memory.move.slip
         if slip is None:
-            return self.braking.prepared(self._landed(memory), setpoint_m)
+            return self.braking.prepared(self.lessons.landed(memory), setpoint_m)
         memory = self.braking.slipped(memory, slip)
         if self.keeps:
             position_m, direction = self.judge.stem_m(memory), slip.task.direction
             landing = Landing(position_m, direction, memory.belief.landing_ma(position_m, direction))
             memory = replace(memory, lessons=(lesson_of(memory.belief, landing, self.valve),))
         return self.braking.prepared(memory, setpoint_m)
-
-    def _landed(self, memory: NmpcMemory) -> NmpcMemory:
-        """Return the memory with what the end of a move teaches: a landing, or a push that moved nothing."""
-        move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
-        direction = move.pushes
-        if memory.pressure is None:
-            return memory
-        moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
-        push_ma = direction * (move.level_ma - belief.balance_ma(move.start_m))
-        is_held, has_moved = self.limits.holds(position_m, direction), direction * moved_m > self.judge.least_m(sigma_m)
-        if has_moved:
-            if not move.is_hurried:
-                belief = belief.freed(move.start_m, direction, move.level_ma)
-            memory = replace(memory, failed=0, belief=belief)
-            if push_ma <= _SLID * belief.sliding_ma:
-                return memory
-            landing, doubt_ma2 = landing_of(move, position_m, direction, memory.behind_ma, belief.spring_ma_per_m)
-            if is_held:
-                return replace(memory, belief=belief.ran_on(landing))
-            belief = belief.landed(landing, memory.position_m2, doubt_ma2)
-            if self.keeps and move.stage is Stage.LAND:
-                memory = replace(memory, lessons=(lesson_of(belief, landing, self.valve),))
-        elif not is_held and direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
-            memory = replace(memory, failed=memory.failed + 1)
-            if self.judge.stands(moved_m, sigma_m):
-                return memory.held(belief.held(position_m, direction, move.level_ma))
-        return replace(memory, belief=belief)
-
-    def _carried(self, memory: NmpcMemory, from_m: float, from_m2: float) -> NmpcMemory:
-        """Return the memory after a force has moved a stem under a current that stood still: this is a landing, too."""
-        moved_m, sigma_m = memory.position_m - from_m, math.sqrt(memory.position_m2 + from_m2)
-        memory, direction = replace(memory, carried=None), 1.0 if moved_m > 0.0 else -1.0
-        position_m = memory.position_m + 0.5 * direction * self.valve.backlash_m
-        least_m = max(self.judge.least_m(sigma_m), _FREED * memory.belief.jump_m)
-        if abs(moved_m) < least_m or self.limits.holds(position_m, direction):
-            return memory
-        landing = Landing(position_m, direction, memory.behind_ma)
-        belief = memory.belief.landed(landing, memory.position_m2, 0.0, is_force=True)
-        return replace(memory, belief=belief, move=replace(memory.move, direction=direction))
 
     def _planned(self, memory: NmpcMemory, setpoint_m: float) -> tuple[NmpcMemory, MoveReason | None]:
         """Return the memory in which the first move to the setpoint has begun, and why."""
@@ -437,8 +415,7 @@ class NmpcLaw:
             move = self._hurried(memory, move)
             swings = self.judge.stem.swings(belief.spring_ma_per_m, self.valve.actuator.lag_s(fills=direction > 0.0))
             if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and swings:
-                currents = Currents(direction, move.level_ma, move.boost_ma, move.boosted)
-                beyond_m = direction * self.judge.stem.beyond_m(self.model, pressure, belief, start_m, currents)
+                beyond_m = direction * inertia_m(self.plant, belief, pressure, move, self.judge.period_s)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
                 move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
         reason = belief.reason(start_m, step.target_m, direction, self.valve.force_gain_n_per_ma)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from positioner.laws.nmpc.belief import ValveBelief
-    from positioner.valve.pressure import PressureModel, PressureState
 
 _FAR = 0.05
 """A setpoint that is farther away than a stem slides through by this part of the slip jump is reached by one move."""
@@ -53,12 +52,6 @@ _LONGEST_WAIT_S, _SOON = 60.0, 8
 tried eight times after a second or two, so that twenty pushes in vain are soon made, of which the guard tells."""
 _ALL = 0.999
 """Of the way to a limit: e⁻⁷, so at most seven lags are hurried through."""
-_LONGEST = 400
-"""Samples after which a motion is no longer computed."""
-_STOPPED_M_PER_S = 1e-4
-"""Below this speed a stem has stopped, as in the configured `stick_velocity_m_per_s` of the paper."""
-_ARRIVED_MA, _NEAR_MA = 0.02, 0.005
-"""So near to its level the pressure no longer moves a stem that has stopped, and one that has not begun."""
 _QUICK, _DAMPED = 4.0, 0.99
 """Of √(m/K): a pressure that arrives sooner is over before the stem has swung once. From this damping ratio on no swing
 is left, e^(-π ζ/ρ) < 10⁻⁹."""
@@ -228,26 +221,14 @@ def boost_samples(lag_s: float, period_s: float, whole_ma: float, step_ma: float
 
 
 @dataclass(frozen=True, slots=True)
-class Currents:
-    """The currents of a move: `boosted` samples of the limit `boost_ma`, then the level, which is held."""
-
-    direction: float
-    level_ma: float
-    boost_ma: float = 0.0
-    boosted: int = 0
-
-
-@dataclass(frozen=True, slots=True)
 class Stem:
     """What of a stem's motion does not follow from its balance: mass m/B and viscous friction F_v/B, per mA.
 
-    mass in mA s²/m, viscous in mA s/m. step_s, steps: of the integration, in one sample.
+    mass in mA s²/m, viscous in mA s/m.
     """
 
     mass: float
     viscous: float
-    step_s: float
-    steps: int
 
     def swings(self, spring_ma_per_m: float, lag_s: float) -> bool:
         """Return whether mass carries the stem noticeably beyond its balance.
@@ -282,39 +263,3 @@ class Stem:
     def _is_quick(self, spring_ma_per_m: float, lag_s: float) -> bool:
         """Whether the pressure arrives in less than four of √(m/K), so that the first slip ends after it."""
         return lag_s < _QUICK * math.sqrt(self.mass / spring_ma_per_m)
-
-    def beyond_m(
-        self, model: PressureModel, state: PressureState, belief: ValveBelief, position_m: float, move: Currents
-    ) -> float:
-        """Return how far mass carries a stem beyond the balance of the level, in the direction of the move; 0 if not.
-
-            m v̇ = B p - K x - F_0 - s F_c - F_v v,    by the trapezoidal rule
-
-        from the instant at which B p - K x - F_0 exceeds s F_s to the one at which the stem stops.
-        """
-        direction, level_ma = move.direction, move.level_ma
-        spring, sliding = belief.spring_ma_per_m, direction * belief.sliding_ma
-        balance_m = (level_ma - belief.offset_ma - sliding) / spring
-        offset = belief.offset_ma + belief.local_ma(balance_m, direction)
-        # (m/h + F_v/2 + K h/4) v' = (m/h - F_v/2 - K h/4) v + net force at the beginning
-        inertia = self.mass / self.step_s
-        resistance = 0.5 * self.viscous + 0.25 * spring * self.step_s
-        x, v, slides = position_m, 0.0, False
-        for sample in range(_LONGEST):
-            before_ma = state.pressure_ma
-            state = model.after(state, move.boost_ma if sample < move.boosted else level_ma)
-            for step in range(self.steps):
-                pressure = before_ma + (state.pressure_ma - before_ma) * (step + 1) / self.steps
-                net = pressure - spring * x - offset
-                slides = slides or direction * net > belief.static_ma
-                if not slides:
-                    continue
-                after = ((inertia - resistance) * v + net - sliding) / (inertia + resistance)
-                if direction * after <= _STOPPED_M_PER_S and sample > 1:
-                    beyond_m = direction * (x - (level_ma - offset - sliding) / spring)
-                    return max(beyond_m, 0.0) if abs(state.pressure_ma - level_ma) < _ARRIVED_MA else 0.0
-                x += 0.5 * self.step_s * (v + after)
-                v = after
-            if not slides and abs(state.pressure_ma - level_ma) < _NEAR_MA:
-                return 0.0
-        return 0.0

@@ -647,6 +647,18 @@ def test_a_setpoint_beyond_the_believed_reach_is_tried_also_where_that_reach_end
     assert loop.position_m == pytest.approx(0.095, abs=1e-3)
 
 
+def test_a_landing_at_the_end_of_the_reach_is_judged_once_the_pressure_is_there() -> None:
+    lag = {"actuator": {"fill_time_constant_s": 0.25, "vent_time_constant_s": 0.25}}
+    valve = {"initial_position_m": 0.07}
+    loop = Loop("nmpc", sample_period_s=0.005, plant={**QUIET, **lag, "valve": valve}, valve=lag)
+    for setpoint_m in (0.08, 0.07, 0.08):
+        loop.run(5.0, setpoint_m)
+    before = len(loop.events_of(MoveBegan))
+    loop.run(8.0, 0.001)
+    assert len(loop.events_of(MoveBegan)) - before == 1
+    assert loop.position_m == pytest.approx((4.0 + SLIDING) / SPRING, abs=5e-4)  # where 4 mA lets the stem slide
+
+
 def returned(law: NmpcLaw, moved_m: float, level_ma: float, push: float) -> tuple[NmpcMemory, NmpcMemory]:
     """Return the memory before and after a stem at 80 mm has moved while the pressure returned to a level."""
     begun = law.begin(0.08)

@@ -83,7 +83,7 @@ class Judge:
         if move.stage is Stage.AWAY:
             return _OF_MARGIN * spring * move.margin_m
         if move.stage is Stage.LAND and memory.rest.readings:
-            return max(_ARRIVED_MA, _OF_ERROR * spring * abs(memory.setpoint_m - memory.position_m))
+            return max(_ARRIVED_MA, _OF_ERROR * spring * abs(move.target_m - memory.position_m))
         if move.stage in (Stage.LAND, Stage.RETURN):
             return _ARRIVED_MA + _OF_STEP * abs(move.level_ma - move.before_ma)
         return _ARRIVED_MA

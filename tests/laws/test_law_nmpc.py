@@ -659,6 +659,15 @@ def test_a_landing_at_the_end_of_the_reach_is_judged_once_the_pressure_is_there(
     assert loop.position_m == pytest.approx((4.0 + SLIDING) / SPRING, abs=5e-4)  # where 4 mA lets the stem slide
 
 
+def test_a_new_setpoint_need_not_wait_for_the_end_of_a_landing() -> None:
+    law = law_of(lag_s=0.1)
+    move = replace(law.begin(0.08).move, stage=Stage.LAND, target_m=0.08, level_ma=16.0, before_ma=12.0)
+    resting = replace(law.begin(0.082), move=move, rest=Rest(3, 0.24, 0.0192), setpoint_m=0.08)
+    asked = replace(resting, setpoint_m=0.1, is_new=True)
+    near_ma = [law.judge.near_ma(memory) for memory in (resting, asked)]
+    assert near_ma == [pytest.approx(0.1 * SPRING * away_m) for away_m in (0.002, 0.018)]
+
+
 def returned(law: NmpcLaw, moved_m: float, level_ma: float, push: float) -> tuple[NmpcMemory, NmpcMemory]:
     """Return the memory before and after a stem at 80 mm has moved while the pressure returned to a level."""
     begun = law.begin(0.08)

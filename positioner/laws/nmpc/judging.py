@@ -83,7 +83,8 @@ class Judge:
         if move.stage is Stage.AWAY:
             return _OF_MARGIN * spring * move.margin_m
         if move.stage is Stage.LAND and memory.rest.readings:
-            return max(_ARRIVED_MA, _OF_ERROR * spring * abs(move.target_m - memory.position_m))
+            aim_m = memory.setpoint_m if memory.is_new else move.target_m  # a new one need not wait for this landing
+            return max(_ARRIVED_MA, _OF_ERROR * spring * abs(aim_m - memory.position_m))
         if move.stage in (Stage.LAND, Stage.RETURN):
             return _ARRIVED_MA + _OF_STEP * abs(move.level_ma - move.before_ma)
         return _ARRIVED_MA

@@ -674,7 +674,7 @@ def returned(law: NmpcLaw, moved_m: float, level_ma: float, push: float) -> tupl
     before_ma = begun.belief.landing_ma(0.08, push)
     move = Move(Stage.RETURN, push, 0.08, level_ma, before_ma, before_ma, 0.08, 1e-10, 0.0)
     at_rest = replace(begun, move=move, pressure=law.model.at_rest(level_ma), behind_ma=level_ma)
-    return at_rest, law.lessons.landed(replace(at_rest, position_m=0.08 + moved_m, position_m2=1e-10))
+    return at_rest, law.ends.landed(replace(at_rest, position_m=0.08 + moved_m, position_m2=1e-10))
 
 
 def test_a_stem_that_slides_back_with_the_pressure_has_less_friction_or_a_force() -> None:
@@ -919,7 +919,7 @@ def test_a_push_into_a_stop_is_not_in_vain(position_m: float, failed: int) -> No
     begun = law.begin(position_m)
     level_ma = begun.belief.freeing_ma(position_m, 1.0) + 0.5
     move = replace(begun.move, stage=Stage.LAND, direction=1.0, level_ma=level_ma, start_m2=1e-10)
-    after = law.lessons.landed(replace(begun, move=move, pressure=law.model.at_rest(level_ma), position_m2=1e-10))
+    after = law.ends.landed(replace(begun, move=move, pressure=law.model.at_rest(level_ma), position_m2=1e-10))
     assert after.failed == failed
     assert (after.belief == begun.belief) is (failed == 0)
 

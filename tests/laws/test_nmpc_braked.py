@@ -695,7 +695,7 @@ def test_what_is_kept_of_static_friction_and_lag_is_kept_together() -> None:
 def test_a_force_is_learned_where_a_stem_has_moved_by_half_a_slip_jump(jumps: float, learns: bool) -> None:
     law = nmpc_law(valve_of(0.1), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0)
     memory = replace(law.begin(0.08), position_m=0.08, position_m2=1e-10, behind_ma=12.0)
-    after = law.lessons.carried(memory, jumps * memory.belief.jump_m, 1e-10)
+    after = law.ends.carried(memory, jumps * memory.belief.jump_m, 1e-10)
     assert (after.belief.offset_ma != memory.belief.offset_ma) is learns
 
 

@@ -163,10 +163,10 @@ class ValveBelief:
 
     def reachable_m(self, position_m: float, low_ma: float, high_ma: float) -> float:
         """Return the nearest place to which the lowest and the highest current let a stem slide."""
-        low_m, high_m = self._slides_to_m(low_ma, -1.0), self._slides_to_m(high_ma, 1.0)
+        low_m, high_m = self.slides_to_m(low_ma, -1.0), self.slides_to_m(high_ma, 1.0)
         return min(max(position_m, low_m), max(high_m, low_m))
 
-    def _slides_to_m(self, pressure_ma: float, direction: float) -> float:
+    def slides_to_m(self, pressure_ma: float, direction: float) -> float:
         """Return where a stem that slides in `direction` stops under a pressure."""
         return (pressure_ma - self.offset_ma - direction * self.sliding_ma) / self.spring_ma_per_m
 
@@ -180,7 +180,7 @@ class ValveBelief:
         if found == setpoint_m:
             return found
         direction = 1.0 if setpoint_m > here_m else -1.0
-        next_m = min(max(setpoint_m, self._slides_to_m(low_ma, direction)), self._slides_to_m(high_ma, direction))
+        next_m = min(max(setpoint_m, self.slides_to_m(low_ma, direction)), self.slides_to_m(high_ma, direction))
         if direction * (next_m - here_m) > self.jump_m and abs(next_m - setpoint_m) < abs(found - setpoint_m):
             found = next_m
         error_m = abs(here_m - setpoint_m)
@@ -290,8 +290,8 @@ class ValveBelief:
     def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem has not moved under a pressure that pushed in `direction`.
 
-        Where it should have moved by far, a force has come, or friction has grown: as likely the one as the other. What
-        was learned of places held before that.
+        Where it should have moved by far, a force has come, or friction has grown: as likely the one as the other. Then
+        what was learned of places no longer holds.
         """
         line, bound_ma = (direction * position_m, direction, 0.0, 1.0), direction * pressure_ma
         short_ma, known_ma2 = self.numbers.expected(line) - bound_ma, self.numbers.variance(line) + self.scatter_ma2

@@ -66,7 +66,7 @@ def inertia_m(plant: Plant, belief: ValveBelief, pressure: PressureState, move: 
         period_s: of a sample.
     """
     direction, level_ma = move.direction, move.level_ma
-    plain_m = (level_ma - belief.offset_ma - direction * belief.sliding_ma) / belief.spring_ma_per_m
+    plain_m = belief.slides_to_m(level_ma, direction)
     local_ma = belief.local_ma(plain_m, direction)
     rollout = plant.rollout(numbers_of(belief.numbers.mean, local_ma))
     pressure = rollout.pressure.from_longer(pressure, plant.steps)
@@ -77,7 +77,7 @@ def inertia_m(plant: Plant, belief: ValveBelief, pressure: PressureState, move: 
 
 
 @dataclass(frozen=True, slots=True)
-class Lessons:
+class MoveEnds:
     """What the ends of moves teach of one valve. keeps: the stiction table learns them, too."""
 
     judge: Judge
@@ -126,10 +126,11 @@ class Lessons:
         move, belief, direction = memory.move, memory.belief, 1.0 if moved_m > 0.0 else -1.0
         position_m = memory.position_m + 0.5 * direction * self.judge.valve.backlash_m
         is_force = move.stage is None or direction != move.pushes
-        least_m = _FREED * belief.jump_m if is_force else 0.0
-        if move.stage is Stage.RETURN and not is_force:
-            least_m = _SLIDES * abs(move.level_ma - move.before_ma) / belief.spring_ma_per_m
-        least_m = max(self.judge.least_m(math.sqrt(memory.position_m2 + from_m2)), least_m)
+        least_m = self.judge.least_m(math.sqrt(memory.position_m2 + from_m2))
+        if is_force:
+            least_m = max(least_m, _FREED * belief.jump_m)
+        elif move.stage is Stage.RETURN:
+            least_m = max(least_m, _SLIDES * abs(move.level_ma - move.before_ma) / belief.spring_ma_per_m)
         if abs(moved_m) < least_m or self.limits.holds(position_m, direction):
             return memory
         landing = Landing(position_m, direction, memory.behind_ma)

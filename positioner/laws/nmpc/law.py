@@ -27,7 +27,7 @@ from positioner.laws.nmpc.belief import Landing, belief_of
 from positioner.laws.nmpc.judging import CERTAIN, LAND_BLOCKS, LAND_S, OF_READING, Judge
 from positioner.laws.nmpc.kept import lesson_of, taught
 from positioner.laws.nmpc.lag import MORE_PATIENCE_S, PATIENCE_S, more_lag_s, way_of
-from positioner.laws.nmpc.landing import Lessons, inertia_m
+from positioner.laws.nmpc.landing import MoveEnds, inertia_m
 from positioner.laws.nmpc.memory import Move, NmpcMemory
 from positioner.laws.nmpc.move import (
     LARGE,
@@ -106,9 +106,9 @@ class NmpcLaw:
         return self.judge.valve
 
     @property
-    def lessons(self) -> Lessons:
-        """What moves teach."""
-        return Lessons(self.judge, self.limits, self.keeps)
+    def ends(self) -> MoveEnds:
+        """What the ends of moves teach."""
+        return MoveEnds(self.judge, self.limits, self.keeps)
 
     def begin(self, measured_m: float) -> NmpcMemory:
         """Return the memory of a law whose first setpoint is this reading, in m, and that knows what is configured."""
@@ -289,7 +289,7 @@ class NmpcLaw:
                 return memory, None
             if not is_brief:
                 from_m, from_m2 = memory.carried
-                memory = self.lessons.carried(memory, memory.position_m - from_m, from_m2)
+                memory = self.ends.carried(memory, memory.position_m - from_m, from_m2)
             memory = replace(memory, carried=None)
         error_m = abs(setpoint_m - self.judge.stem_m(memory))
         if memory.is_new and (error_m < _NEW_TOLERANCE * self.valve.span_m or self._is_left(memory, setpoint_m)):
@@ -377,10 +377,10 @@ class NmpcLaw:
     def _learned(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with what a move teaches."""
         if self.braking is None:
-            return self.lessons.landed(memory)
+            return self.ends.landed(memory)
         memory, slip = self.braking.studied(memory), memory.move.slip
         if slip is None:
-            return self.braking.prepared(self.lessons.landed(memory), setpoint_m)
+            return self.braking.prepared(self.ends.landed(memory), setpoint_m)
         memory = self.braking.slipped(memory, slip)
         if self.keeps:
             position_m, direction = self.judge.stem_m(memory), slip.task.direction

@@ -141,7 +141,7 @@ def _draw(panel: Axes, valve: ValveParameters, belief: ValveBelief) -> None:
 
 def _words(valve: ValveParameters, belief: ValveBelief) -> str:
     gain, (_, _, _, static, lag, _) = valve.force_gain_n_per_ma, belief.numbers.variances
-    lag_ms = 1e3 * _LAG_S * belief.lag
+    lag_ms = 1e3 * belief.lag_s
     return (
         f"F_s {gain * belief.static_ma:.0f} ± {_SIGMAS * gain * static**0.5:.0f} N, "
         f"lag {lag_ms:.0f} ± {_SIGMAS * lag_ms * lag**0.5:.0f} ms"

@@ -9,7 +9,7 @@ whose pressure is the current at once (eq. 10).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import Interval
@@ -46,6 +46,19 @@ class ActuatorParameters(SettingsTable):
         """Whether the pressure is the current at once."""
         lags_s = (self.fill_time_constant_s, self.vent_time_constant_s, self.dead_time_s)
         return lags_s == (0.0, 0.0, 0.0) and self.slew_ma_per_s == 0.0 and self.converter_time_constant_s == 0.0
+
+    def with_lag(self, lag_s: float) -> ActuatorParameters:
+        """Return the actuator whose pressure rises with this lag τ_c + τ_f; the other lags change in proportion."""
+        told_s = self.lag_s(fills=True)
+        if told_s == 0.0:
+            return replace(self, fill_time_constant_s=lag_s, vent_time_constant_s=lag_s)
+        times = lag_s / told_s
+        return replace(
+            self,
+            fill_time_constant_s=times * self.fill_time_constant_s,
+            vent_time_constant_s=times * self.vent_time_constant_s,
+            converter_time_constant_s=times * self.converter_time_constant_s,
+        )
 
     def own_lag_s(self, *, fills: bool) -> float:
         """τ_f or τ_v."""

@@ -49,6 +49,13 @@ class Gaussian:
         covariance[index * (len(self.mean) + 1)] += variance
         return Gaussian(self.mean, tuple(covariance))
 
+    def renewed(self, index: int, mean: float, variance: float) -> Gaussian:
+        """Return the belief in which one number is another one, of which the others say nothing."""
+        count = len(self.mean)
+        covariance = [0.0 if index in divmod(place, count) else known for place, known in enumerate(self.covariance)]
+        covariance[index * (count + 1)] = variance
+        return Gaussian((*self.mean[:index], mean, *self.mean[index + 1 :]), tuple(covariance))
+
     def with_mean(self, mean: tuple[float, ...]) -> Gaussian:
         """Return the belief with another mean."""
         return Gaussian(mean, self.covariance)

@@ -36,12 +36,15 @@ class PressureState:
 class PressureModel:
     """The constants of one sample.
 
-    waiting: samples of dead time, rounded up. steps: of each sample. converter, fill, vent: what a step leaves of a
-    difference, e^(-h/τ), 0 without lag. most_ma: the largest change of the pressure in a step, 0 is no limit.
+    waiting: samples of dead time, rounded up. steps: of each sample; step_s: h, their length. lag_s: τ_c + τ_f.
+    converter, fill, vent: what a step leaves of a difference, e^(-h/τ), 0 without lag. most_ma: the largest change of
+    the pressure in a step, 0 is no limit.
     """
 
     waiting: int
     steps: int
+    step_s: float
+    lag_s: float
     converter: float
     fill: float
     vent: float
@@ -51,10 +54,15 @@ class PressureModel:
         """Return the state in which this current has acted for long."""
         return PressureState((current_ma,) * self.waiting, current_ma, current_ma)
 
-    def with_lag(self, times: float) -> PressureModel:
-        """Return the model whose own lags are so many times as long, above 0; dead time and converter stay."""
-        power = 1.0 / times
-        return replace(self, fill=self.fill**power, vent=self.vent**power)
+    def with_lag(self, lag_s: float) -> PressureModel:
+        """Return the model whose pressure rises with this lag τ_c + τ_f; the other lags change in proportion."""
+        if lag_s == self.lag_s:
+            return self
+        if self.lag_s == 0.0 or lag_s == 0.0:
+            left = left_of_lag(self.step_s, lag_s)
+            return replace(self, converter=0.0, fill=left, vent=left)
+        power = self.lag_s / lag_s
+        return replace(self, converter=self.converter**power, fill=self.fill**power, vent=self.vent**power)
 
     def from_longer(self, state: PressureState, times: int) -> PressureState:
         """Return the state of a model of the same valve whose samples are so many times as long.
@@ -95,4 +103,5 @@ def pressure_model(actuator: ActuatorParameters, period_s: float, delay_s: float
     step_s = period_s / steps
     converter, fill, vent = (left_of_lag(step_s, lag_s) for lag_s in lags_s)
     waiting = math.ceil((actuator.dead_time_s + delay_s) / period_s - _ROUNDING)
-    return PressureModel(waiting, steps, converter, fill, vent, actuator.slew_ma_per_s * step_s)
+    most_ma = actuator.slew_ma_per_s * step_s
+    return PressureModel(waiting, steps, step_s, actuator.lag_s(fills=True), converter, fill, vent, most_ma)

@@ -36,14 +36,14 @@ _NEARLY_ONE = 0.999
 class Numbers:
     """What a move depends on: K/B in mA/m, F_0/B, F_c/B and F_s/B in mA.
 
-    lag, viscous: above 0, factors of the configured lag and of F_v.
+    lag_s: τ_c + τ_f, that of the rising pressure. viscous: above 0, a factor of the configured F_v.
     """
 
     spring_ma_per_m: float
     offset_ma: float
     sliding_ma: float
     static_ma: float
-    lag: float = 1.0
+    lag_s: float
     viscous: float = 1.0
 
     @property
@@ -83,7 +83,7 @@ class Plant:
 
     def rollout(self, numbers: Numbers) -> Rollout:
         """Return the motion of the valve that has these numbers."""
-        pressure = self.actuator.with_lag(numbers.lag)
+        pressure = self.actuator.with_lag(numbers.lag_s)
         filling, venting = (_within_step(left**pressure.steps, pressure) for left in (pressure.fill, pressure.vent))
         motion = MotionModel(self.mass, 1.0, numbers.offset_ma)
         load = Load(numbers.spring_ma_per_m, numbers.sliding_ma, self.viscous * numbers.viscous)

@@ -149,7 +149,7 @@ def test_what_is_believed_of_a_valve_that_differs_is_told_with_its_doubt(tmp_pat
     for name, true in (("spring_n_per_m", 52538.0), ("offset_n", 0.0), ("static_n", 1707.7), ("coulomb_n", 1423.0)):
         mean, sigma = believed[name]
         assert abs(mean - true) < 3.0 * sigma
-    assert 0.0 < believed["ends_m"] < 0.5 * first["ends_m"]
+    assert 0.0 < believed["ends_m"] < 0.6 * first["ends_m"]
     assert explain(tmp_path, "--at", "8.9") == 0
     told = capsys.readouterr().out
     sliding, sigma = believed["coulomb_n"]

@@ -584,12 +584,12 @@ def test_a_lag_that_was_taken_for_friction_is_a_lag_once_it_is_seen() -> None:
     for _ in range(200):
         loop.run(0.05, 0.079)
         static_ma.append(memory_of(loop).belief.static_ma)
-        if memory_of(loop).more_lag_s:
+        if memory_of(loop).belief.lag_s:
             break
     assert max(static_ma) > 1.05 * STATIC  # pushes in vain
     assert static_ma[-1] == pytest.approx(STATIC, rel=0.08)
     loop.run(6.0, 0.079)
-    assert 0.12 < memory_of(loop).more_lag_s < 0.3
+    assert 0.12 < memory_of(loop).belief.lag_s < 0.3
     assert loop.position_m == pytest.approx(0.079, abs=6e-4)
 
 
@@ -620,7 +620,7 @@ def test_pushes_in_vain_are_believed_for_good_once_a_move_has_shown_that_the_lag
     memory = memory_of(loop)
     assert was_in_vain
     assert memory.is_lag_known
-    assert memory.more_lag_s == 0.0
+    assert memory.belief.lag_s == pytest.approx(0.02)
     assert memory.unpushed is None
 
 
@@ -673,7 +673,7 @@ def returned(law: NmpcLaw, moved_m: float, level_ma: float, push: float) -> tupl
     begun = law.begin(0.08)
     before_ma = begun.belief.landing_ma(0.08, push)
     move = Move(Stage.RETURN, push, 0.08, level_ma, before_ma, before_ma, 0.08, 1e-10, 0.0)
-    at_rest = replace(begun, move=move, pressure=law.model.at_rest(level_ma), behind_ma=level_ma)
+    at_rest = replace(begun, move=move, pressure=law.model.at_rest(level_ma))
     return at_rest, law.ends.landed(replace(at_rest, position_m=0.08 + moved_m, position_m2=1e-10))
 
 
@@ -900,16 +900,17 @@ def test_a_law_that_begins_under_a_current_beyond_the_loop_sees_where_the_stem_g
 
 
 @pytest.mark.parametrize(
-    ("way_m", "more_lag_s", "stage"),
-    [(0.015, 0.0, Stage.AWAY), (0.015, -0.2, Stage.LAND), (0.012, -0.2, Stage.AWAY)],  # 12.4 mm go straight without lag
+    ("way_m", "lag_s", "stage"),
+    [(0.015, 0.1, Stage.AWAY), (0.015, 0.0, Stage.LAND), (0.012, 0.0, Stage.AWAY)],  # 12.4 mm go straight without lag
 )
 def test_a_light_stem_whose_lag_is_seen_to_be_absent_moves_as_without_one(
-    way_m: float, more_lag_s: float, stage: Stage
+    way_m: float, lag_s: float, stage: Stage
 ) -> None:
     law = law_of(lag_s=0.1)
     stem = replace(law.judge.stem, viscous=0.5 * law.judge.stem.viscous)  # ζ = 0.57
     law = replace(law, judge=replace(law.judge, stem=stem))
-    memory, _ = standing(law, replace(law.begin(0.07), more_lag_s=more_lag_s), 0.07, 0.07 + way_m, 0.001)
+    begun = law.begin(0.07)
+    memory, _ = standing(law, replace(begun, belief=begun.belief.with_lag(lag_s)), 0.07, 0.07 + way_m, 0.001)
     assert memory.move.stage is stage
 
 

@@ -87,3 +87,14 @@ def test_a_mistake_in_the_actuator_of_one_of_several_has_its_line(tmp_path: Path
     path.write_text(ONE_OF_TWO.replace("0.08", "-0.08"), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"line 6: valve A: actuator.vent_time_constant_s = -0.08: must be"):
         load_valves(path)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.02, 0.3])
+def test_the_lags_of_an_actuator_change_in_proportion(lag_s: float) -> None:
+    lags = {"fill_time_constant_s": 0.06, "vent_time_constant_s": 0.03, "converter_time_constant_s": 0.04}
+    actuator = ActuatorParameters(**lags, dead_time_s=0.01).with_lag(lag_s)
+
+    assert actuator.lag_s(fills=True) == pytest.approx(lag_s)
+    assert actuator.lag_s(fills=False) == pytest.approx(0.7 * lag_s)
+    assert actuator.dead_time_s == 0.01
+    assert ActuatorParameters().with_lag(lag_s).lag_s(fills=False) == lag_s

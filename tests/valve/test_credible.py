@@ -165,7 +165,7 @@ def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int) -> N
     for setpoint_m in (0.08, 0.073, 0.087, 0.08, 0.073, 0.087):
         loop.run(0.2, setpoint_m)
     biases_m = [event.sample.value for event in loop.events_of(Learned) if event.sample.quantity is BIAS]
-    assert all(abs(bias_m) < 2e-3 for bias_m in biases_m), biases_m
+    assert all(abs(bias_m) < 4e-3 for bias_m in biases_m), biases_m
 
 
 def test_what_physics_excludes_is_not_learned_but_reported() -> None:

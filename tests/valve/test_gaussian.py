@@ -67,3 +67,14 @@ def test_a_number_becomes_less_certain_alone() -> None:
     before[1, 1] += 0.25
 
     np.testing.assert_array_equal(after, before)
+
+
+def test_a_number_that_is_another_one_is_independent_of_the_others() -> None:
+    after = PRIOR.renewed(1, 3.0, 0.04)
+    known, left = matrix(PRIOR), [index for index in range(len(PRIOR.mean)) if index != 1]
+
+    assert (after.mean[1], after.variances[1]) == (3.0, 0.04)
+    np.testing.assert_array_equal(matrix(after)[np.ix_(left, left)], known[np.ix_(left, left)])
+    assert not matrix(after)[1, left].any()
+    assert not matrix(after)[left, 1].any()
+    assert [after.mean[index] for index in left] == [PRIOR.mean[index] for index in left]

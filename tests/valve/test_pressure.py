@@ -79,7 +79,7 @@ def test_converter_slew_limit_and_lag_together_follow_the_equations(period_s: fl
 def test_a_lag_that_is_so_many_times_as_long_is_the_exponential_of_that_lag(
     times: float, to_ma: float, lag_s: float
 ) -> None:
-    model = model_of(fill_time_constant_s=0.05, vent_time_constant_s=0.08).with_lag(times)
+    model = model_of(fill_time_constant_s=0.05, vent_time_constant_s=0.08).with_lag(0.05 * times)
 
     found = played(model, 10.0, [to_ma] * 40)
 
@@ -89,15 +89,20 @@ def test_a_lag_that_is_so_many_times_as_long_is_the_exponential_of_that_lag(
 
 @pytest.mark.parametrize("times", [0.7, 1.6])
 @pytest.mark.parametrize("slew_ma_per_s", [0.0, 60.0])
-def test_a_longer_lag_leaves_converter_slew_limit_and_dead_time_as_they_are(times: float, slew_ma_per_s: float) -> None:
-    # the converter's lag is the shortest one in both, so that they have the same steps
-    others = {"converter_time_constant_s": 0.02, "dead_time_s": 0.004, "slew_ma_per_s": slew_ma_per_s}
-    scaled = model_of(5e-3, fill_time_constant_s=0.1, vent_time_constant_s=0.06, **others).with_lag(times)
-    configured = model_of(5e-3, fill_time_constant_s=0.1 * times, vent_time_constant_s=0.06 * times, **others)
+def test_all_lags_change_in_proportion_and_slew_limit_and_dead_time_stay(times: float, slew_ma_per_s: float) -> None:
+    # of lags that are so long a sample has one step
+    lags = {"fill_time_constant_s": 0.1, "vent_time_constant_s": 0.06, "converter_time_constant_s": 0.04}
+    others = {"dead_time_s": 0.004, "slew_ma_per_s": slew_ma_per_s}
+    scaled = model_of(5e-3, **lags, **others).with_lag(times * 0.14)
+    configured = model_of(5e-3, **{key: times * lag_s for key, lag_s in lags.items()}, **others)
     currents_ma = [18.0] * 30 + [5.0] * 30
 
     assert played(scaled, 10.0, currents_ma) == pytest.approx(played(configured, 10.0, currents_ma), rel=1e-9)
 
 
-def test_no_lag_stays_none_however_often_it_is_taken() -> None:
-    assert played(model_of().with_lag(3.0), 8.0, [12.0, 5.0, 20.0]) == [12.0, 5.0, 20.0]
+def test_a_valve_without_lag_may_be_given_one_and_one_with_lags_none() -> None:
+    lags = {"fill_time_constant_s": 0.03, "vent_time_constant_s": 0.03}
+    currents_ma = [12.0, 5.0, 20.0]
+    assert played(model_of().with_lag(0.0), 8.0, currents_ma) == currents_ma
+    assert played(model_of(converter_time_constant_s=0.02, **lags).with_lag(0.0), 8.0, currents_ma) == currents_ma
+    assert played(model_of().with_lag(0.03), 8.0, currents_ma) == played(model_of(**lags), 8.0, currents_ma)

@@ -30,7 +30,8 @@ def valve_of(fill_s: float, vent_s: float, damping: float | None = None) -> Valv
 def numbers_of(valve: ValveParameters) -> Numbers:
     gain = valve.force_gain_n_per_ma
     forces = (valve.spring_rate_n_per_m, valve.bench_set_n, valve.coulomb_friction_n, valve.static_friction_n)
-    return Numbers(*(force / gain for force in forces))
+    spring, offset, sliding, static = (force / gain for force in forces)
+    return Numbers(spring, offset, sliding, static, valve.actuator.lag_s(fills=True))
 
 
 def at_rest(rollout: Rollout, position_m: float, pressure_ma: float, direction: float = 1.0) -> Moving:
@@ -69,8 +70,8 @@ def test_a_stem_goes_the_way_of_an_independent_integrator(
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_stem_is_freed_by_more_than_its_static_friction_alone(direction: float) -> None:
-    rollout = plant_of(valve_of(0.02, 0.02), 1e-3, 0.0).rollout(numbers_of(PAPER))
-    numbers, start_ma = numbers_of(PAPER), numbers_of(PAPER).spring_ma_per_m * 0.07
+    valve, numbers = valve_of(0.02, 0.02), numbers_of(valve_of(0.02, 0.02))
+    rollout, start_ma = plant_of(valve, 1e-3, 0.0).rollout(numbers), numbers.spring_ma_per_m * 0.07
     held = ended(rollout, at_rest(rollout, 0.07, start_ma), start_ma + 0.999 * direction * numbers.static_ma, 500)
     assert held.stem == StemState(0.07, 0.0, True, 1.0)
     freed = ended(rollout, at_rest(rollout, 0.07, start_ma), start_ma + 1.001 * direction * numbers.static_ma, 500)
@@ -80,7 +81,7 @@ def test_a_stem_is_freed_by_more_than_its_static_friction_alone(direction: float
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("offset_ma", [0.0, 1.5])
 def test_behind_a_slow_pressure_a_stem_stops_at_the_balance_of_its_level(offset_ma: float, direction: float) -> None:
-    numbers = replace(numbers_of(PAPER), offset_ma=offset_ma)
+    numbers = replace(numbers_of(valve_of(0.1, 0.1)), offset_ma=offset_ma)
     rollout = plant_of(valve_of(0.1, 0.1), 1e-3, 0.0).rollout(numbers)
     begun_ma = numbers.spring_ma_per_m * 0.07 + offset_ma
     level_ma = begun_ma + direction * 7.0
@@ -112,7 +113,7 @@ def test_without_viscous_friction_a_stem_slips_twice_the_slip_jump_and_loses_no_
 
 @pytest.mark.parametrize("lag_s", [0.005, 0.05])
 def test_up_and_down_are_mirror_images(lag_s: float) -> None:
-    numbers = numbers_of(PAPER)
+    numbers = numbers_of(valve_of(lag_s, lag_s))
     rollout = plant_of(valve_of(lag_s, lag_s), 1e-3, 0.0).rollout(replace(numbers, offset_ma=12.0))
     up, down = at_rest(rollout, 0.0, 12.0), at_rest(rollout, 0.0, 12.0, -1.0)
     for sample in range(300):
@@ -123,7 +124,7 @@ def test_up_and_down_are_mirror_images(lag_s: float) -> None:
 
 
 def test_a_push_acts_as_a_change_of_the_offset() -> None:
-    plant, numbers = plant_of(valve_of(0.02, 0.02), 1e-3, 0.0), numbers_of(PAPER)
+    plant, numbers = plant_of(valve_of(0.02, 0.02), 1e-3, 0.0), numbers_of(valve_of(0.02, 0.02))
     pushed, other = plant.rollout(numbers), plant.rollout(replace(numbers, offset_ma=numbers.offset_ma - 0.4))
     start = at_rest(pushed, 0.07, numbers.spring_ma_per_m * 0.07)
     a = ended(pushed, replace(start, shift_ma=0.4), 17.5, 200)
@@ -133,7 +134,7 @@ def test_a_push_acts_as_a_change_of_the_offset() -> None:
 
 
 def test_a_stop_has_no_jumps_of_a_step() -> None:
-    plant, numbers = plant_of(valve_of(0.1, 0.1), 1e-3, 0.0), numbers_of(PAPER)
+    plant, numbers = plant_of(valve_of(0.1, 0.1), 1e-3, 0.0), numbers_of(valve_of(0.1, 0.1))
     rollout = plant.rollout(numbers)
     stops_m = []
     for part in range(40):  # the pressure begins a little higher: the stem is freed at another phase of the step
@@ -147,7 +148,7 @@ def test_a_stop_has_no_jumps_of_a_step() -> None:
 
 
 def test_a_dead_time_delays_a_motion_by_itself() -> None:
-    valve, numbers = valve_of(0.02, 0.02), numbers_of(PAPER)
+    valve, numbers = valve_of(0.02, 0.02), numbers_of(valve_of(0.02, 0.02))
     rollouts = [plant_of(valve, 1e-3, delay_s).rollout(numbers) for delay_s in (0.0, 0.007)]
     moving = [at_rest(rollout, 0.07, numbers.spring_ma_per_m * 0.07) for rollout in rollouts]
     ways: list[list[float]] = [[], []]
@@ -161,8 +162,8 @@ def test_a_dead_time_delays_a_motion_by_itself() -> None:
 
 @pytest.mark.parametrize("times", [0.7, 1.6])
 def test_a_longer_lag_is_that_of_another_configuration(times: float) -> None:
-    numbers = numbers_of(PAPER)
-    scaled = plant_of(valve_of(0.05, 0.03), 1e-3, 0.0).rollout(replace(numbers, lag=times))
+    numbers = replace(numbers_of(PAPER), lag_s=0.05 * times)
+    scaled = plant_of(valve_of(0.05, 0.03), 1e-3, 0.0).rollout(numbers)
     other = plant_of(valve_of(0.05 * times, 0.03 * times), 1e-3, 0.0).rollout(numbers)
     ends = [ended(one, at_rest(one, 0.07, numbers.spring_ma_per_m * 0.07), 17.0, 90) for one in (scaled, other)]
     assert ends[0].pressure.pressure_ma == pytest.approx(ends[1].pressure.pressure_ma, abs=1e-9)
@@ -204,9 +205,9 @@ def test_quick_and_slow_pressures_light_and_heavy_damping_are_followed_both_ways
 @pytest.mark.parametrize("viscous", [0.5, 2.0])
 @pytest.mark.parametrize("lag", [0.8, 1.5])
 def test_factors_of_viscous_friction_and_lag_are_those_of_the_integrator(viscous: float, lag: float) -> None:
-    valve, numbers = valve_of(0.02, 0.03), numbers_of(PAPER)
+    valve, numbers = valve_of(0.02, 0.03), numbers_of(valve_of(0.02, 0.03))
     plant, begun_ma = plant_of(valve, 1e-3, 0.0), numbers.spring_ma_per_m * 0.07
-    rollout, nominal = plant.rollout(replace(numbers, viscous=viscous, lag=lag)), plant.rollout(numbers)
+    rollout, nominal = plant.rollout(replace(numbers, viscous=viscous, lag_s=0.02 * lag)), plant.rollout(numbers)
     euler = EulerValve(valve, 0.07, begun_ma)
     euler.viscous *= viscous
     euler.fill_s, euler.vent_s = euler.fill_s * lag, euler.vent_s * lag
@@ -254,7 +255,7 @@ def test_a_slip_that_is_shorter_than_a_step_ends_in_it_and_the_stem_sticks(direc
 
 @pytest.mark.parametrize(("period_s", "delay_s"), [(5e-3, 0.01), (5e-3, 0.007), (2e-2, 0.013), (1e-3, 0.0025)])
 def test_a_dead_time_is_waited_for_in_steps_and_not_in_samples(period_s: float, delay_s: float) -> None:
-    rollout = plant_of(valve_of(0.05, 0.05), period_s, delay_s).rollout(numbers_of(PAPER))
+    rollout = plant_of(valve_of(0.05, 0.05), period_s, delay_s).rollout(numbers_of(valve_of(0.05, 0.05)))
     moving, waits_s = at_rest(rollout, 0.07, 11.0), math.ceil(delay_s * 1e3 - 1e-9) * 1e-3
     for sample in range(1, 9):
         moving = rollout.after(moving, 17.0)
@@ -275,8 +276,8 @@ def test_a_sample_has_the_fewest_steps_of_a_millisecond_at_most(period_s: float,
 def test_a_dead_time_of_samples_is_the_same_in_steps(delay_s: float, lag: float) -> None:
     period_s, valve = 5e-3, valve_of(0.02, 0.03)
     plant = plant_of(valve, period_s, delay_s)
-    by_samples = pressure_model(valve.actuator, period_s, delay_s).with_lag(lag)
-    by_steps, currents_ma = plant.actuator.with_lag(lag), (18.0, 18.0, 6.0, 11.0, 19.0, 4.0, 9.0)
+    by_samples = pressure_model(valve.actuator, period_s, delay_s).with_lag(lag * 0.02)
+    by_steps, currents_ma = plant.actuator.with_lag(lag * 0.02), (18.0, 18.0, 6.0, 11.0, 19.0, 4.0, 9.0)
     seen, expected = by_samples.at_rest(12.0), by_steps.at_rest(12.0)
     for current_ma in currents_ma:
         seen = by_samples.after(seen, current_ma)
@@ -290,7 +291,7 @@ def test_a_dead_time_of_samples_is_the_same_in_steps(delay_s: float, lag: float)
 @pytest.mark.parametrize("lag_s", [0.0005, 0.002, 0.005, 0.1])
 def test_the_mean_of_a_step_of_pressure_is_that_of_its_exponential(lag_s: float) -> None:
     valve = valve_of(lag_s, lag_s)
-    rollout, parts = plant_of(valve, 1e-3, 0.0).rollout(numbers_of(PAPER)), 100_000
+    rollout, parts = plant_of(valve, 1e-3, 0.0).rollout(numbers_of(valve)), 100_000
     left = [math.exp(-1e-3 * (part + 0.5) / parts / lag_s) for part in range(parts)]
     expected = (1.0 - sum(left) / parts) / (1.0 - math.exp(-1e-3 / lag_s))
     assert rollout.filling.part_of_mean == rollout.venting.part_of_mean == pytest.approx(expected, abs=1e-6)
@@ -299,7 +300,8 @@ def test_the_mean_of_a_step_of_pressure_is_that_of_its_exponential(lag_s: float)
 @pytest.mark.parametrize("of", [{"converter_time_constant_s": 0.01}, {"slew_ma_per_s": 50.0}])
 def test_the_mean_of_a_pressure_that_is_no_exponential_is_half_way(of: dict[str, float]) -> None:
     valve = valve_of(0.005, 0.005)
-    rollout = plant_of(replace(valve, actuator=replace(valve.actuator, **of)), 1e-3, 0.0).rollout(numbers_of(PAPER))
+    valve = replace(valve, actuator=replace(valve.actuator, **of))
+    rollout = plant_of(valve, 1e-3, 0.0).rollout(numbers_of(valve))
     assert rollout.filling == rollout.venting == WithinStep(1.0, 0.5)
     assert rollout.filling.rest_of(0.25) == (0.75, 0.5)
 
@@ -307,7 +309,8 @@ def test_the_mean_of_a_pressure_that_is_no_exponential_is_half_way(of: dict[str,
 @pytest.mark.parametrize("lag_s", [0.0002, 0.001, 0.005])
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
 def test_the_rest_of_a_step_is_that_of_its_exponential(lag_s: float, share: float) -> None:
-    rollout, step_s = plant_of(valve_of(lag_s, lag_s), 1e-3, 0.0).rollout(numbers_of(PAPER)), 1e-3
+    valve, step_s = valve_of(lag_s, lag_s), 1e-3
+    rollout = plant_of(valve, step_s, 0.0).rollout(numbers_of(valve))
     part, part_of_mean = rollout.filling.rest_of(share)
     end = 1.0 - math.exp(-step_s / lag_s)
     begin_s = -lag_s * math.log(1.0 - share * end)
@@ -319,9 +322,11 @@ def test_the_rest_of_a_step_is_that_of_its_exponential(lag_s: float, share: floa
 
 def test_a_stem_that_a_short_lag_frees_goes_as_far_as_one_that_is_freed_at_once() -> None:
     """A hundredth of a step of lag moves the end of a sample by no more than the sample is shorter by that."""
-    numbers, ends_m = numbers_of(PAPER), []
+    ends_m = []
     for lag_s in (0.0, 1e-5):
-        rollout = plant_of(valve_of(lag_s, lag_s), 1e-3, 0.0).rollout(numbers)
+        valve = valve_of(lag_s, lag_s)
+        numbers = numbers_of(valve)
+        rollout = plant_of(valve, 1e-3, 0.0).rollout(numbers)
         begun_ma = numbers.balance_ma(0.07)
         ends_m.append(
             ended(rollout, at_rest(rollout, 0.07, begun_ma), begun_ma + 1.02 * numbers.static_ma, 1).stem.position_m

@@ -25,13 +25,20 @@ if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
 SPRING, OFFSET, SLIDING, STATIC, LAG, VISCOUS = range(6)
-"""Places of k, c, f_c, f_s, ln λ and ln ν in the Gaussian; λ and ν are lag and viscous friction over the configured."""
+"""Places of k, c, f_c, f_s, ln τ and ln ν in the Gaussian: τ is the lag of the rising pressure and a millisecond, ν
+viscous friction over the configured one."""
 _FORCES = 4
 """The first four are those of a balance; only the whole way of a move shows the others."""
-_DOUBT_LAG, _DOUBT_VISCOUS = 0.12, 0.3
-"""σ of ln λ and ln ν: a configured lag is as sure as a spring; viscous friction is seldom measured."""
+LEAST_LAG_S = 1e-3
+"""What τ is more than the lag, so that a lag of 0 has a logarithm, and σ of a lag where none is configured: no valve
+follows at once."""
+_DOUBT_LAG, _DOUBT_SEEN_LAG, _DOUBT_VISCOUS = 0.12, 0.3, 0.3
+"""σ of a lag over itself: a configured one is as sure as a spring; one that the area of a move has shown is up to 20 %
+wrong, and 10 % by noise (`lag`). σ of ln ν: viscous friction is seldom measured."""
+_LAG_KNOWN, _ROUNDING = 0.1, 1e-9
+"""σ over itself of a lag that is known."""
 _MOST_LOG = 0.7
-"""Of ln λ and ln ν: half or twice what is configured."""
+"""Of ln τ from one belief to the next, and of ln ν: half or twice."""
 
 _DOUBT_SPRING = 0.12
 """σ of k over k: a configured spring rate and a configured area are each within 20 %, evenly: 0.2/√3 = 0.115 each."""
@@ -83,7 +90,7 @@ class Landing:
 
 @dataclass(frozen=True, slots=True)
 class ValveBelief:
-    """The Gaussian over k, c, f_c, f_s (mA/m and mA), ln λ and ln ν; variance and last ones of landings.
+    """The Gaussian over k, c, f_c, f_s (mA/m and mA), ln τ and ln ν; variance and last ones of landings.
 
     scatter_ma2: variance of a landing; least_scatter_ma2: of one on the best packing. configured: the mean by what the
     configuration says.
@@ -116,14 +123,14 @@ class ValveBelief:
         return self.numbers.mean[STATIC]
 
     @property
-    def lag(self) -> float:
-        """The lag over what is configured."""
-        return math.exp(self.numbers.mean[LAG])
+    def lag_s(self) -> float:
+        """Lag of the rising pressure, τ_c + τ_f."""
+        return lag_s_of(self.numbers.mean)
 
     @property
-    def lag_sigma(self) -> float:
-        """σ of the lag over the lag."""
-        return math.sqrt(self.numbers.variances[LAG])
+    def is_lag_known(self) -> bool:
+        """Whether a lag that looks longer is a force that came late."""
+        return math.sqrt(self.numbers.variances[LAG]) < _log_sigma(self.lag_s, _LAG_KNOWN) + _ROUNDING
 
     @property
     def jump_m(self) -> float:
@@ -151,7 +158,8 @@ class ValveBelief:
             doubt = _CERTAINLY * math.sqrt(variance)
             if abs(now - told) > (_OTHER_MA if place == OFFSET else _OTHER * told + _FRICTION_MA) + doubt:
                 return True
-        return False
+        told_s = lag_s_of(self.configured)
+        return abs(self.lag_s - told_s) > _OTHER * told_s + _CERTAINLY * LEAST_LAG_S
 
     def balance_ma(self, position_m: float) -> float:
         """Return k x + c: the middle of the stick band."""
@@ -250,6 +258,11 @@ class ValveBelief:
         sliding, static = (_DRIFT * friction + _DRIFT_MA for friction in (self.sliding_ma, self.static_ma))
         return offset * offset, sliding * sliding, static * static
 
+    def with_lag(self, lag_s: float) -> ValveBelief:
+        """Return the belief in another lag, which the area of a move has shown."""
+        mean, sigma = math.log(lag_s + LEAST_LAG_S), _log_sigma(lag_s, _DOUBT_SEEN_LAG)
+        return replace(self, numbers=self.numbers.renewed(LAG, mean, sigma * sigma))
+
     def measured(self, line: tuple[float, ...], value: float, variance: float) -> ValveBelief:
         """Return the belief after a sum of its numbers, weighted by `line`, was measured with this variance."""
         numbers = self.numbers.updated(line, value - self.numbers.expected(line), variance)
@@ -315,7 +328,8 @@ class ValveBelief:
     def within(self, numbers: Gaussian) -> Gaussian:
         """Return the numbers with a mean that a valve may have."""
         spring, offset, sliding, static, lag, viscous = numbers.mean
-        lag, viscous = min(max(lag, -_MOST_LOG), _MOST_LOG), min(max(viscous, -_MOST_LOG), _MOST_LOG)
+        before, viscous = self.numbers.mean[LAG], min(max(viscous, -_MOST_LOG), _MOST_LOG)
+        lag = min(max(lag, before - _MOST_LOG, math.log(LEAST_LAG_S)), before + _MOST_LOG)
         configured = self.configured[SPRING]
         spring = min(max(spring, _LEAST_SPRING * configured), _MOST_SPRING * configured)
         sliding = max(sliding, 0.0)
@@ -323,19 +337,31 @@ class ValveBelief:
         return numbers.with_mean((spring, offset, sliding, static, lag, viscous))
 
 
+def lag_s_of(theta: tuple[float, ...]) -> float:
+    """Return the lag of the rising pressure, of k, c, f_c, f_s, ln τ and ln ν."""
+    lag_s = math.exp(theta[LAG]) - LEAST_LAG_S
+    return lag_s if lag_s > _ROUNDING else 0.0
+
+
+def _log_sigma(lag_s: float, part: float) -> float:
+    """Return σ of ln τ, where that of the lag is a part of it, and what is never known."""
+    return math.hypot(part * lag_s, LEAST_LAG_S) / (lag_s + LEAST_LAG_S)
+
+
 def belief_of(valve: ValveParameters) -> ValveBelief:
     """Return what a configuration says, and how far it may be off."""
     gain = valve.force_gain_n_per_ma
     spring, offset = valve.spring_rate_n_per_m / gain, valve.bench_set_n / gain
     sliding, static = valve.coulomb_friction_n / gain, valve.static_friction_n / gain
+    lag_s = valve.actuator.lag_s(fills=True)
     sigmas = (
         _DOUBT_SPRING * spring,
         _DOUBT_OFFSET_MA,
         _DOUBT_FRICTION * sliding + _FRICTION_MA,
         _DOUBT_FRICTION * static + _FRICTION_MA,
-        _DOUBT_LAG,
+        _log_sigma(lag_s, _DOUBT_LAG),
         _DOUBT_VISCOUS,
     )
     scatter_ma = _SCATTER * sliding + _SCATTER_MA
-    numbers = gaussian_of((spring, offset, sliding, static, 0.0, 0.0), sigmas)
+    numbers = gaussian_of((spring, offset, sliding, static, math.log(lag_s + LEAST_LAG_S), 0.0), sigmas)
     return ValveBelief(numbers, scatter_ma * scatter_ma, numbers.mean, scatter_ma * scatter_ma)

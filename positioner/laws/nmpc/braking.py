@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from positioner.laws.nmpc.belief import LAG
 from positioner.laws.nmpc.judging import CERTAIN
 from positioner.laws.nmpc.memory import Braked
 from positioner.laws.nmpc.move import Stage, tolerance_m
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc.programme import StopPlanner
     from positioner.laws.nmpc.slip import SlipPlan
     from positioner.laws.nmpc.stop import Task
+    from positioner.laws.nmpc.study import Studied
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
     from positioner.valve.sensor import SensorLag
@@ -46,8 +48,9 @@ _BY_READING, _SURE_BY_READING = 0.005, 0.015
 """Of span: σ of a stop that is braked by reading before one was seen, and the largest one with which it is tried."""
 _MOST_OF_WAY = 0.3
 """A move that ends before 30 % of its way was stopped by something else."""
-_LAG_KNOWN = 0.1
-"""σ of ln λ below which a lag that looks longer is a force that came late."""
+_SHOWN, _LIKELIER = 0.5, 0.5
+"""Of the variance of the lag, what a way leaves that has shown it. Of the mean square that one belief leaves of a way,
+what another one leaves that is believed instead: six independent blocks say that it is eight times as likely."""
 _TOLERANCE, _WORTH = 0.5, 2.0
 """A braked correction needs no way there and back: it is made at half the tolerance, and beyond two of its σ."""
 _FRICTION = 0.15
@@ -97,12 +100,11 @@ class Braking:
 
     def taught(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory of a law that has read its table: the lag may be known from before a restart."""
-        return replace(memory, is_lag_known=memory.belief.lag_sigma < _LAG_KNOWN)
+        return replace(memory, is_lag_known=memory.belief.lag_s > 0.0 and memory.belief.is_lag_known)
 
     def knows_lag(self, memory: NmpcMemory) -> bool:
         """Whether the whole way of a move has shown the lag."""
-        has_none = self.judge.valve.actuator.slower_lag_s == 0.0
-        return memory.is_lag_known and memory.more_lag_s == 0.0 and (has_none or memory.belief.lag_sigma < _LAG_KNOWN)
+        return memory.is_lag_known and memory.belief.is_lag_known
 
     def prepared(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with how far away a move to a setpoint must begin to be braked by its readings."""
@@ -135,9 +137,9 @@ class Braking:
         After a push in vain there is none: a quasi-static one says how strong a push the stem needs.
         """
         pressure, belief, start_m = memory.pressure, memory.belief, self.judge.stem_m(memory)
-        if pressure is None or memory.more_lag_s != 0.0 or memory.failed > 0 or start_m == setpoint_m:
+        if pressure is None or memory.failed > 0 or start_m == setpoint_m:
             return None
-        pressure = self.plant.actuator.with_lag(belief.lag).from_longer(pressure, self.plant.steps)
+        pressure = self.plant.actuator.with_lag(belief.lag_s).from_longer(pressure, self.plant.steps)
         task = self._task(belief, pressure, start_m, setpoint_m, memory.sent_ma)
         if self.limits.excess_ma(belief.landing_ma(setpoint_m, task.direction) + _SPARE_MA * task.direction) > 0.0:
             return None  # only a current at its limit shows whether the stem comes so far
@@ -157,7 +159,7 @@ class Braking:
         self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float, before_ma: float
     ) -> Task:
         """Return the task of a move."""
-        actuator, period_s = self.judge.valve.actuator, self.judge.period_s
+        actuator, period_s = self.judge.valve.actuator.with_lag(belief.lag_s), self.judge.period_s
         return task_of(belief, actuator, self.limits, pressure, start_m, target_m, period_s, before_ma, self.step_ma)
 
     def _may_read(self, memory: NmpcMemory) -> bool:
@@ -254,26 +256,42 @@ class Braking:
 
     def studied(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory with what the whole way of a move teaches, where the stem has gone most of it."""
-        way, belief, move, judge = memory.braked.way, memory.belief, memory.move, self.judge
+        found, belief = self._study(memory), memory.belief
         memory = replace(memory, braked=replace(memory.braked, way=None))
-        if way is None or not way.is_whole or memory.more_lag_s != 0.0:
+        if found is None:
             return memory
-        end_m = judge.stem_m(memory)
-        least_m = judge.least_m(math.sqrt(memory.position_m2 + move.start_m2))
-        way_m = move.direction * (move.target_m - move.start_m)
-        if move.direction * (end_m - move.start_m) < max(least_m, _MOST_OF_WAY * way_m):
-            return memory
-        reading_m2 = judge.reading_m2(memory, memory.position_m)
-        local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
-        study = Study(self.plant, way, local_ma, self.sensor, stops_m)
-        found = study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part)
         memory = self._missed(memory, found.missed_m, found.line)
         braked = memory.braked.missed(math.sqrt(found.left_m2), by_reading=False)
         left_part = braked.left_part + _NEWEST * (found.left_part - braked.left_part)
         memory = replace(memory, braked=replace(braked, left_part=max(left_part, _LEAST_PART)))
         if not found.is_explained:
             return memory
-        return replace(memory, belief=replace(belief, numbers=found.numbers), is_lag_known=True, unpushed=None)
+        memory = replace(memory, belief=replace(belief, numbers=found.numbers))
+        is_shown = found.numbers.variances[LAG] < _SHOWN * belief.numbers.variances[LAG]
+        return replace(memory, is_lag_known=True, unpushed=None) if is_shown or not memory.is_blind else memory
+
+    def is_likelier(self, other: NmpcMemory, memory: NmpcMemory) -> bool:
+        """Whether the way is not explained by what is believed, or by far better by what another memory believes."""
+        found = self._study(memory)
+        if found is None or not found.is_explained:
+            return True
+        others = self._study(other)
+        return others is not None and others.left_m2 < _LIKELIER * found.left_m2
+
+    def _study(self, memory: NmpcMemory) -> Studied | None:
+        """Return what the way of a move teaches, None where the stem has not gone most of it."""
+        way, belief, move, judge = memory.braked.way, memory.belief, memory.move, self.judge
+        if way is None or not way.is_whole:
+            return None
+        end_m = judge.stem_m(memory)
+        least_m = judge.least_m(math.sqrt(memory.position_m2 + move.start_m2))
+        way_m = move.direction * (move.target_m - move.start_m)
+        if move.direction * (end_m - move.start_m) < max(least_m, _MOST_OF_WAY * way_m):
+            return None
+        reading_m2 = judge.reading_m2(memory, memory.position_m)
+        local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
+        study = Study(self.plant, way, local_ma, self.sensor, stops_m)
+        return study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part)
 
     def _missed(self, memory: NmpcMemory, missed_m: float, line: tuple[float, ...]) -> NmpcMemory:
         """Return the memory after a stop that was so far from where it was expected; line: its derivatives.

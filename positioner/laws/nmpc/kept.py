@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.nmpc.belief import LAG, SLIDING, SPRING, STATIC, Landing
+from positioner.laws.nmpc.belief import LAG, LEAST_LAG_S, SLIDING, SPRING, STATIC, Landing
+from positioner.valve.actuator import ActuatorParameters
 from positioner.valve.fit import ValveFit
 from positioner.valve.stiction import LearnedSample, Quantity, direction_of
 
@@ -36,7 +37,9 @@ def lesson_of(belief: ValveBelief, landing: Landing, valve: ValveParameters) -> 
 def fit_of(belief: ValveBelief, valve: ValveParameters) -> ValveFit:
     """Return K, F_s, F_c and the lags with their covariance, as they are believed."""
     gain, actuator, numbers = valve.force_gain_n_per_ma, valve.actuator, belief.numbers
-    count, lag = len(numbers.mean), belief.lag
+    count, lag_s = len(numbers.mean), belief.lag_s
+    kept = actuator.with_lag(lag_s) if actuator.fill_time_constant_s else ActuatorParameters().with_lag(lag_s)
+    relative = (lag_s + LEAST_LAG_S) / max(lag_s, LEAST_LAG_S)
 
     def both(one: int, other: int) -> float:
         most = math.sqrt(numbers.variances[one] * numbers.variances[other])
@@ -45,14 +48,14 @@ def fit_of(belief: ValveBelief, valve: ValveParameters) -> ValveFit:
     return ValveFit(
         spring_n_per_m=gain * belief.spring_ma_per_m,
         static_n=gain * belief.static_ma,
-        fill_s=lag * actuator.fill_time_constant_s,
-        vent_s=lag * actuator.vent_time_constant_s,
+        fill_s=kept.fill_time_constant_s,
+        vent_s=kept.vent_time_constant_s,
         kk=gain * gain * both(SPRING, SPRING),
         kf=gain * gain * both(SPRING, STATIC),
-        kt=gain * both(SPRING, LAG),
+        kt=gain * relative * both(SPRING, LAG),
         ff=gain * gain * both(STATIC, STATIC),
-        ft=gain * both(STATIC, LAG),
-        tt=both(LAG, LAG),
+        ft=gain * relative * both(STATIC, LAG),
+        tt=relative * relative * both(LAG, LAG),
         friction_doubt=min(max(math.sqrt(both(STATIC, STATIC)) / belief.static_ma, _LEAST_DOUBT), 1.0),
         sliding_n=max(gain * belief.sliding_ma, _LEAST_N),
         sliding_n2=gain * gain * both(SLIDING, SLIDING),
@@ -71,14 +74,20 @@ def taught(belief: ValveBelief, table: StictionTable, valve: ValveParameters, si
         pressure_ma = configured.landing_ma(place_m, direction) - configured.spring_ma_per_m * cell.mean
         variance_m2 = (sigma_m * sigma_m + cell.spread * cell.spread) / len(cell.samples)
         belief = belief.landed(Landing(place_m, direction, pressure_ma), variance_m2, 0.0)
-    fit, gain, fill_s = table.fit, valve.force_gain_n_per_ma, valve.actuator.fill_time_constant_s
+    fit, gain = table.fit, valve.force_gain_n_per_ma
     if fit is None:
         return belief
     static_ma, doubt_ma = fit.static_n / gain, _STATIC * fit.static_n / gain
     static_ma2 = fit.ff / (gain * gain) + doubt_ma * doubt_ma
     belief = belief.measured((0.0,) * STATIC + (1.0,), static_ma, static_ma2)
-    if fit.fill_s > 0.0 and fill_s > 0.0:  # what is independent of F_s in the lag
-        by_static = fit.ft / gain / static_ma2
-        lag, lag2 = math.log(fit.fill_s / fill_s), fit.tt + _LAG * _LAG - by_static * fit.ft / gain
-        belief = belief.measured((0.0,) * STATIC + (-by_static, 1.0), lag - by_static * static_ma, lag2)
-    return belief
+    own_s, lag_s = valve.actuator.fill_time_constant_s, fit.fill_s
+    lag_s *= valve.actuator.lag_s(fills=True) / own_s if own_s else 1.0
+    other = belief.with_lag(lag_s)
+    if lag_s == 0.0 or (own_s == 0.0 and not other.differs):  # spring and F_v, which are not kept, belong to it
+        return belief
+    belief = other if other.differs else belief
+    relative = max(lag_s, LEAST_LAG_S) / (lag_s + LEAST_LAG_S)
+    lag, both, lag2 = math.log(lag_s + LEAST_LAG_S), relative * fit.ft / gain, relative * relative * fit.tt
+    by_static = both / static_ma2  # what is independent of F_s in the lag
+    line, value = (0.0,) * STATIC + (-by_static, 1.0), lag - by_static * static_ma
+    return belief.measured(line, value, lag2 + _LAG * _LAG - by_static * both)

@@ -81,16 +81,16 @@ def way_of(step_ma: float, free_ma: float, spring_ma_per_m: float, moved_m: floa
     return Way(step_ma, gap_ma, spring_ma_per_m, moved_m, lasted_s)
 
 
-def more_lag_s(configured_s: float, seen_s: float, before_s: float, doubt_s: float) -> float:
-    """Return by how much the lag is longer than configured, 0 where it is not another one.
+def more_lag_s(believed_s: float, seen_s: float, doubt_s: float, *, is_other: bool) -> float:
+    """Return by how much the lag is longer than believed, 0 where it is not another one.
 
     Args:
-        configured_s: the configured lag.
+        believed_s: the lag that is believed.
         seen_s: the lag that a move has shown.
-        before_s: by how much it was believed to be longer before that move.
         doubt_s: how far what was seen may be off.
+        is_other: whether it is not the configured one that is believed.
     """
-    now_s = seen_s - configured_s
-    if before_s == 0.0 and -_LESS * configured_s - doubt_s < now_s < _LONGER * configured_s + doubt_s:
-        return 0.0
-    return now_s if abs(now_s) > 2.0 * abs(before_s) else before_s + _NEW_LAG * (now_s - before_s)
+    more_s = seen_s - believed_s
+    if -_LESS * believed_s - doubt_s < more_s < _LONGER * believed_s + doubt_s:
+        return _NEW_LAG * more_s if is_other else 0.0
+    return more_s

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from positioner.laws.bounds import Bounds
 from positioner.laws.correction import LEFT
 from positioner.laws.law import Decision, Estimate
-from positioner.laws.nmpc.belief import Landing, belief_of
+from positioner.laws.nmpc.belief import Landing, belief_of, lag_s_of
 from positioner.laws.nmpc.judging import CERTAIN, LAND_BLOCKS, LAND_S, OF_READING, Judge
 from positioner.laws.nmpc.kept import lesson_of, taught
 from positioner.laws.nmpc.lag import MORE_PATIENCE_S, PATIENCE_S, more_lag_s, way_of
@@ -45,7 +45,6 @@ from positioner.laws.nmpc.move import (
 )
 from positioner.laws.nmpc.rest import NO_REST, Noise
 from positioner.values import dataclass, replace
-from positioner.valve.actuator import left_of_lag
 from positioner.valve.state import StemState
 from positioner.wire.messages import Motion
 
@@ -53,6 +52,7 @@ if TYPE_CHECKING:
     from positioner.laws.law import Observation
     from positioner.laws.move_reason import MoveReason
     from positioner.laws.nmpc.braking import Braking
+    from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.parameters import ValveParameters
     from positioner.valve.pressure import PressureModel
     from positioner.valve.rollout import Plant
@@ -137,22 +137,15 @@ class NmpcLaw:
 
     def estimate(self, memory: NmpcMemory, observation: Observation) -> tuple[NmpcMemory, Estimate]:
         """Return the memory with this cycle's reading in it, and the stem."""
-        pressure, move, sent_ma, behind_ma = memory.pressure, memory.move, memory.sent_ma, memory.behind_ma
+        pressure, move, sent_ma = memory.pressure, memory.move, memory.sent_ma
         if pressure is None:
-            sent_ma = behind_ma = observation.applied_ma
+            sent_ma = observation.applied_ma
             pressure = self.model.at_rest(sent_ma)
             move = replace(move, level_ma=sent_ma, before_ma=sent_ma, from_ma=sent_ma)
-        model = self.model if self.braking is None else self.model.with_lag(memory.belief.lag)
+        model = self.model.with_lag(memory.belief.lag_s)
         for _ in range(max(1, round(observation.elapsed_s / self.judge.period_s))):
             pressure = model.after(pressure, sent_ma)
-        measured_m, elapsed_s, more_s = observation.measured_m, observation.elapsed_s, memory.more_lag_s
-        if more_s == 0.0:
-            behind_ma = pressure.pressure_ma
-        else:
-            from_ma = pressure.converter_ma
-            behind_ma = from_ma + (behind_ma - from_ma) * left_of_lag(
-                elapsed_s, self.valve.actuator.own_lag_s(fills=from_ma > behind_ma) + more_s
-            )
+        measured_m, elapsed_s = observation.measured_m, observation.elapsed_s
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
         area_m_s = move.area_m_s + (measured_m - move.start_m) * elapsed_s
         move = replace(move, since_s=move.since_s + elapsed_s, area_m_s=area_m_s)
@@ -162,12 +155,11 @@ class NmpcLaw:
             smooth_m=smooth_m,
             move=move,
             sent_ma=sent_ma,
-            behind_ma=behind_ma,
             way_s=memory.way_s + elapsed_s,
         )
         if self.braking is not None:
             memory = self.braking.read(memory, measured_m)
-        arrived, lessons = abs(behind_ma - move.level_ma) <= self.judge.near_ma(memory), memory.lessons
+        arrived, lessons = abs(pressure.pressure_ma - move.level_ma) <= self.judge.near_ma(memory), memory.lessons
         memory = replace(memory, settled_s=memory.settled_s + elapsed_s if arrived else 0.0, lessons=())
         if memory.settled_s >= self.judge.follows_s(memory):
             memory = self.judge.rested(memory, measured_m, elapsed_s)
@@ -220,7 +212,7 @@ class NmpcLaw:
         memory = replace(memory, move=move, sent_ma=current_ma)
         failed = memory.failed if memory.failed > failed else 0
         if memory.belief is not belief:
-            memory = replace(memory, is_other=memory.more_lag_s != 0.0 or memory.belief.differs)
+            memory = replace(memory, is_other=memory.belief.differs)
         differs = memory.is_other or memory.failed > _CHANCE
         passes = move.slip.solved - before.solved if move.slip is not None and before is not None else 0
         return memory, Decision(
@@ -333,8 +325,11 @@ class NmpcLaw:
 
     def _through(self, memory: NmpcMemory) -> float:
         """Return the slip jumps from which on a stem slides through, behind the slower one of the lags."""
-        lag_s = self.valve.actuator.slower_lag_s + memory.more_lag_s
-        return self.judge.stem.slides_through(memory.belief.spring_ma_per_m, lag_s)
+        return self.judge.stem.slides_through(memory.belief.spring_ma_per_m, self._actuator(memory).slower_lag_s)
+
+    def _actuator(self, memory: NmpcMemory) -> ActuatorParameters:
+        """Return the actuator as it is believed."""
+        return self.valve.actuator.with_lag(memory.belief.lag_s)
 
     def _followed(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory with what a move shows of the lag; not settled where the pressure is still on its way."""
@@ -354,25 +349,25 @@ class NmpcLaw:
             patience_s = MORE_PATIENCE_S if memory.unpushed or is_jammed else PATIENCE_S
             waits = (is_jammed or (freed and not memory.is_lag_known)) and move.since_s < patience_s
             return replace(memory, rest=NO_REST, settled_s=0.0) if waits else memory
-        if move.is_hurried or knows_lag:
-            return memory
         free_ma = direction * (belief.balance_ma(move.start_m) - move.from_ma) + belief.static_ma
         way = way_of(step_ma, free_ma, spring, moved_m, move.since_s)
         area_m_s = moved_m * move.since_s - direction * move.area_m_s
         noise_m2 = move.since_s * self.judge.period_s * variance_m2 * worth
         sigma_s = way.sigma_s(math.sqrt(noise_m2 + move.since_s * move.since_s * sigma_m * sigma_m))
-        is_blind = memory.unpushed is not None and step_ma < 2.0 * belief.sliding_ma  # on the way of the move before it
-        if is_blind or _SEEN * sigma_s > _OF_MOVE * move.since_s:
+        if move.is_hurried or knows_lag or memory.is_blind or _SEEN * sigma_s > _OF_MOVE * move.since_s:
             return memory
-        told_s, seen_s, before_s = self.valve.lag_s, way.lag_s(area_m_s), memory.more_lag_s
-        memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * (told_s + before_s))
-        more_s = more_lag_s(told_s, seen_s, before_s, self.judge.period_s + _SEEN * sigma_s)
-        if more_s == before_s == 0.0:
-            return replace(memory, unpushed=None)
-        behind_ma = move.level_ma - direction * way.after_ma(told_s + more_s)
-        memory = memory.behind(more_s, behind_ma)
-        arrived = abs(behind_ma - move.level_ma) <= self.judge.near_ma(memory)
-        return memory if arrived else replace(memory, rest=NO_REST, settled_s=0.0)
+        actuator, seen_s = self._actuator(memory), way.lag_s(area_m_s)
+        believed_s, rising_s = replace(self.valve, actuator=actuator).lag_s, actuator.lag_s(fills=True)
+        memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * believed_s)
+        is_other = belief.lag_s != lag_s_of(belief.configured)
+        more_s = more_lag_s(believed_s, seen_s, self.judge.period_s + _SEEN * sigma_s, is_other=is_other)
+        behind_ma = move.level_ma - direction * way.after_ma(believed_s + more_s)
+        part = rising_s / actuator.slower_lag_s if rising_s else 1.0
+        other = memory.behind(max(rising_s + part * more_s, 0.0), behind_ma)
+        if more_s == 0.0 or (self.braking is not None and not self.braking.is_likelier(other, memory)):
+            return replace(memory, unpushed=None)  # friction and mass may look like a lag, too
+        arrived = abs(behind_ma - move.level_ma) <= self.judge.near_ma(other)
+        return other if arrived else replace(other, rest=NO_REST, settled_s=0.0)
 
     def _learned(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with what a move teaches."""
@@ -413,8 +408,9 @@ class NmpcLaw:
         move = self._commanded(memory, step.stage, direction, step.target_m, belief.landing_ma(level_m, direction))
         if pressure is not None:
             move = self._hurried(memory, move)
-            swings = self.judge.stem.swings(belief.spring_ma_per_m, self.valve.actuator.lag_s(fills=direction > 0.0))
-            if step.stage is Stage.LAND and memory.more_lag_s == 0.0 and swings:
+            lag_s = self._actuator(memory).lag_s(fills=direction > 0.0)
+            swings = self.judge.stem.swings(belief.spring_ma_per_m, lag_s)
+            if step.stage is Stage.LAND and swings:
                 beyond_m = direction * inertia_m(self.plant, belief, pressure, move, self.judge.period_s)
                 level_ma = self.limits.clipped(move.level_ma - belief.spring_ma_per_m * beyond_m)
                 move = replace(move, inertia_m=beyond_m, level_ma=level_ma)
@@ -463,7 +459,7 @@ class NmpcLaw:
         """Return the move with the samples in which the current stays at its limit."""
         from_ma = memory.behind_ma
         fills = move.level_ma > from_ma
-        lag_s = self.valve.actuator.lag_s(fills=fills) + memory.more_lag_s if memory.hurries else 0.0
+        lag_s = self._actuator(memory).lag_s(fills=fills) if memory.hurries else 0.0
         if lag_s <= _LAG_SAMPLES * self.judge.period_s:
             return move
         boost_ma = self.limits.high_ma if fills else self.limits.low_ma

@@ -96,13 +96,13 @@ class NmpcMemory:
     place of the stem, and its variance. smooth_m: the smoothed reading. sent_ma: the last current. setpoint_m2: the
     variance of the setpoint, where it is the reading with which control began. pending: moves that are still to be
     made. tries: to this setpoint; failed: pushes in a row that have not moved the stem.
-    later_s: what rests are waited for beyond the model. more_lag_s: by how much the lag is longer than configured;
-    behind_ma: the pressure behind it. way_s: since the way to a setpoint began; lasts_s: how long one lasts, of the
-    last quasi-static move or of the last whole way whose end was braked, until the stem rested. is_lag_known: a move
-    has shown it; hurries: and it was no shorter than believed. carried: where a resting stem was before it moved under
-    a current that stood still, and the variance of that; None if it has not moved. has_read: the stiction table, at the
-    start; lessons: what it is to learn. unpushed: the belief before the pushes in vain while no move has shown the lag.
-    is_other: another valve than the configured one was measured. braked: what braked moves carry.
+    later_s: what rests are waited for beyond the model. way_s: since the way to a setpoint began; lasts_s: how long one
+    lasts, of the last quasi-static move or of the last whole way whose end was braked, until the stem rested.
+    is_lag_known: a move has shown it; hurries: and it was no shorter than believed. carried: where a resting stem was
+    before it moved under a current that stood still, and the variance of that; None if it has not moved. has_read: the
+    stiction table, at the start; lessons: what it is to learn. unpushed: the belief before the pushes in vain while no
+    move has shown the lag. is_other: another valve than the configured one was measured. braked: what braked moves
+    carry.
     """
 
     belief: ValveBelief
@@ -122,9 +122,7 @@ class NmpcMemory:
     pending: tuple[Step, ...] = ()
     hurries: bool = False
     later_s: float = 0.0
-    more_lag_s: float = 0.0
     is_lag_known: bool = False
-    behind_ma: float = 0.0
     way_s: float = 0.0
     lasts_s: float = 0.0
     failed: int = 0
@@ -143,7 +141,6 @@ class NmpcMemory:
             noise=before.noise,
             hurries=before.hurries,
             later_s=before.later_s,
-            more_lag_s=before.more_lag_s,
             is_lag_known=before.is_lag_known,
             is_other=before.is_other,
             unpushed=before.unpushed,
@@ -156,7 +153,19 @@ class NmpcMemory:
         unpushed = None if self.is_lag_known else self.unpushed or self.belief
         return replace(self, belief=belief, unpushed=unpushed)
 
-    def behind(self, more_lag_s: float, behind_ma: float) -> NmpcMemory:
+    @property
+    def behind_ma(self) -> float:
+        """The pressure, in mA; what was sent, before one is known."""
+        return self.sent_ma if self.pressure is None else self.pressure.pressure_ma
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether the move says nothing of the lag: it goes on with the way of a push in vain before it."""
+        step_ma = abs(self.move.level_ma - self.move.from_ma)
+        return self.unpushed is not None and step_ma < 2.0 * self.belief.sliding_ma
+
+    def behind(self, lag_s: float, behind_ma: float) -> NmpcMemory:
         """Return the memory of another lag; where it is longer, what was pushed in vain was only pushed too short."""
-        belief = self.unpushed if self.unpushed and more_lag_s > self.more_lag_s else self.belief
-        return replace(self, belief=belief, unpushed=None, more_lag_s=more_lag_s, behind_ma=behind_ma, later_s=0.0)
+        belief = self.unpushed if self.unpushed and lag_s > self.belief.lag_s else self.belief
+        pressure = None if self.pressure is None else replace(self.pressure, pressure_ma=behind_ma)
+        return replace(self, belief=belief.with_lag(lag_s), unpushed=None, pressure=pressure, later_s=0.0)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from positioner.laws.nmpc.belief import LAG, LEAST_LAG_S, SPRING, lag_s_of
 from positioner.laws.nmpc.stop import Stop, Task, beyond_m, stop_of
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Numbers
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Moving, Plant, Rollout
 
-_DIFFERENCES = (0.01, 0.02, 0.02, 0.02, 0.02, 0.05)
-"""Steps of the derivatives by k (relative), c, f_c, f_s (mA), ln λ and ln ν: σ of what is known well."""
+_DIFFERENCES = (0.01, 0.02, 0.02, 0.02, 0.05, 0.05)
+"""Steps of the derivatives by k (relative), c, f_c, f_s (mA), ln τ and ln ν: σ of what is known well."""
 _BISECTIONS = 18
 """Of eight lags to 0.03 ms at a lag of 1 s."""
 _DEPTH = 0.5
@@ -64,7 +65,7 @@ def task_of(
 
     Args:
         belief: of the valve.
-        actuator: as configured.
+        actuator: as believed.
         limits: of the current.
         pressure: at the start.
         start_m: where the stem rests.
@@ -74,9 +75,7 @@ def task_of(
         step_ma: its largest change from sample to sample.
     """
     upwards = target_m > start_m
-    rises_s, falls_s = (
-        max(belief.lag * actuator.lag_s(fills=fills), _LEAST_LAG * period_s) for fills in (upwards, not upwards)
-    )
+    rises_s, falls_s = (max(actuator.lag_s(fills=fills), _LEAST_LAG * period_s) for fills in (upwards, not upwards))
     boost_ma, brake_ma = limits.high_ma, limits.low_ma
     if not upwards:
         boost_ma, brake_ma = brake_ma, boost_ma
@@ -90,7 +89,7 @@ def task_of(
 
 @dataclass(frozen=True, slots=True)
 class SlipPlan:
-    """A braked move: its stop, and how that depends on k, c, f_c, f_s, ln λ and ln ν.
+    """A braked move: its stop, and how that depends on k, c, f_c, f_s, ln τ and ln ν.
 
     rollout: by which it was planned, and is steered. currents: of the samples, at first as planned; from the brake on,
     those that the readings have led to. boosted: samples before the brake. by_reading: nothing but readings says when
@@ -122,16 +121,20 @@ class SlipPlan:
 
 
 def numbers_of(theta: tuple[float, ...], local_ma: float = 0.0) -> Numbers:
-    """Return the numbers of θ = (k, c, f_c, f_s, ln λ, ln ν); local_ma: what the friction near the target adds to c."""
-    spring, offset, sliding, static, lag, viscous = theta
-    return Numbers(spring, offset + local_ma, sliding, static, math.exp(lag), math.exp(viscous))
+    """Return the numbers of θ = (k, c, f_c, f_s, ln τ, ln ν); local_ma: what the friction near the target adds to c."""
+    spring, offset, sliding, static, _, viscous = theta
+    return Numbers(spring, offset + local_ma, sliding, static, lag_s_of(theta), math.exp(viscous))
 
 
 def both_sides(theta: tuple[float, ...], place: int) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-    """Return a step of one of the numbers, and θ with that step up and down, for a central difference."""
-    change = _DIFFERENCES[place] * theta[0] if place == 0 else _DIFFERENCES[place]
-    before, after = theta[:place], theta[place + 1 :]
-    return change, (*before, theta[place] + change, *after), (*before, theta[place] - change, *after)
+    """Return how far apart two steps of one of the numbers are, and θ with the one up and the one down."""
+    here, change, least = theta[place], _DIFFERENCES[place], -math.inf
+    if place == SPRING:
+        change *= here
+    elif place == LAG:
+        least = math.log(LEAST_LAG_S)
+    before, after, lower = theta[:place], theta[place + 1 :], max(here - change, least)
+    return here + change - lower, (*before, here + change, *after), (*before, lower, *after)
 
 
 def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Task, within_m: float) -> SlipPlan | None:
@@ -139,7 +142,7 @@ def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Tas
 
     Args:
         plant: the configured valve.
-        theta: k, c, f_c, f_s, ln λ and ln ν.
+        theta: k, c, f_c, f_s, ln τ and ln ν.
         local_ma: what the friction near the target adds to c.
         task: the move.
         within_m: how far from the target it may stop.
@@ -166,9 +169,9 @@ def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Tas
     currents = task.currents(boost_of_s)
     line: list[float] = []
     for place in range(len(theta)):
-        change, higher, lower = both_sides(theta, place)
+        apart, higher, lower = both_sides(theta, place)
         up, down = (stop_of(plant.rollout(numbers_of(one, local_ma)), task, currents) for one in (higher, lower))
-        line.append((up.position_m - down.position_m) / (2.0 * change))
+        line.append((up.position_m - down.position_m) / apart)
     return SlipPlan(task, rollout, currents, int(boost_of_s / task.period_s), best, tuple(line))
 
 

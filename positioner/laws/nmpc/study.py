@@ -2,7 +2,7 @@
 
 The rollout of `valve.rollout` says where the stem is at each reading, for each value of the numbers
 
-    θ = (k, c, f_c, f_s, ln λ, ln ν),    λ, ν: lag and viscous friction over what is configured.
+    θ = (k, c, f_c, f_s, ln τ, ln ν),    τ: lag and a millisecond, ν: viscous friction over the configured one.
 
 A move away and the one back are one way, which shows the friction of both directions. Readings z, in at most 64 blocks,
 are a measurement z = h(θ) + noise. What is believed of θ is a Gaussian, so θ is found by Gauss-Newton steps from it
@@ -176,9 +176,9 @@ class Study:
         """Return the derivatives of the blocks by each number, by differences."""
         columns = []
         for place in range(len(theta)):
-            change, higher, lower = both_sides(theta, place)
+            apart, higher, lower = both_sides(theta, place)
             ups, downs = self.blocks(higher), self.blocks(lower)
-            columns.append([(up - down) / (2.0 * change) for up, down in zip(ups, downs, strict=True)])
+            columns.append([(up - down) / apart for up, down in zip(ups, downs, strict=True)])
         return columns
 
     def _stepped(

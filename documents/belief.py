@@ -11,6 +11,7 @@ import numpy as np
 
 from positioner.bench.inprocess import configure, run_in_process
 from positioner.bench.scenario import Scenario
+from positioner.laws.nmpc.belief import LEAST_LAG_S
 from positioner.pictures.colours import CLOSING, INK, OPENING
 from positioner.pictures.files import save
 from positioner.pictures.panels import LABEL, NORMAL, SMALL, dress, new_figure
@@ -141,10 +142,10 @@ def _draw(panel: Axes, valve: ValveParameters, belief: ValveBelief) -> None:
 
 def _words(valve: ValveParameters, belief: ValveBelief) -> str:
     gain, (_, _, _, static, lag, _) = valve.force_gain_n_per_ma, belief.numbers.variances
-    lag_ms = 1e3 * belief.lag_s
+    lag_ms, sigma_ms = 1e3 * belief.lag_s, 1e3 * (belief.lag_s + LEAST_LAG_S) * lag**0.5
     return (
         f"F_s {gain * belief.static_ma:.0f} ± {_SIGMAS * gain * static**0.5:.0f} N, "
-        f"lag {lag_ms:.0f} ± {_SIGMAS * lag_ms * lag**0.5:.0f} ms"
+        f"lag {lag_ms:.0f} ± {_SIGMAS * sigma_ms:.0f} ms"
     )
 
 

@@ -149,7 +149,8 @@ def test_without_noise_the_prediction_is_the_motion(quick: MovesData) -> None:
     for window, path_m in zip(quick.shown, quick.predicted, strict=True):
         true_m = quick.trend.position_m[window.first : window.last + 1]
         off_m = np.abs(path_m - true_m)[window.begin - window.first :]
-        assert 0.0 < float(off_m[-1]) < 0.2 * abs(window.travel_m)  # the third one is as short as a slip jump
+        most = 0.001 if abs(window.travel_m) > 0.01 else 0.2  # the third one is as short as a slip jump
+        assert 0.0 < float(off_m[-1]) < most * abs(window.travel_m)
         assert float(off_m.max()) < 0.25 * abs(window.travel_m)  # of two slips in one window the second is a bit late
 
 

@@ -232,8 +232,8 @@ def test_in_closed_loop_the_figures_are_those_of_the_true_positions() -> None:
         times, steps = zip(*truths[row.size, row.direction], strict=True)
         assert 1e3 * row.spread("t86_s").median == pytest.approx(np.median(times) - 0.5, abs=1.5)
         assert row.spread("gain").median == pytest.approx(np.median(steps) / (row.size * SPAN_M), abs=0.01)
-        assert row.spread("gain").median == pytest.approx(1.0, abs=0.12)
-        assert result.regions[row.size] in {"B", "C"}
+        assert row.spread("gain").median == pytest.approx(1.0, abs=0.12 if row.size < 0.1 else 0.02)
+        assert result.regions[row.size] in ({"B", "C"} if row.size < 0.1 else {"C"})
 
 
 def test_the_stem_is_back_at_the_end() -> None:

@@ -485,6 +485,31 @@ def test_a_dead_time_at_a_long_period_is_not_taken_for_lag_or_friction(dead_s: f
     assert numbers.mean[3] == pytest.approx(theta[3], abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("told_s", "seen_s", "is_believed"), [(0.0, 0.09, True), (0.1, 0.16, False), (0.1, 0.05, False)]
+)
+def test_another_lag_is_believed_where_it_explains_the_way_far_better(
+    told_s: float, seen_s: float, is_believed: bool
+) -> None:
+    valve, true = valve_of(told_s), valve_of(0.1)
+    law = nmpc_law(valve, EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
+    assert law.braking is not None
+    stem = EulerValve(true, 0.06, theta_of(valve)[0] * 0.06)
+    begun, way = law.begin(0.06), Way(law.model.at_rest(stem.p), stem.x)
+    for _ in range(800):
+        way = way.read(18.0, stem.sample(18.0))
+    move = replace(begun.move, stage=Stage.LAND, direction=1.0, target_m=stem.x, level_ma=18.0, start_m2=1e-10)
+    memory = replace(begun, move=move, position_m=stem.x, position_m2=1e-10, pressure=law.model.at_rest(18.0))
+    memory = replace(memory, braked=replace(memory.braked, way=way))
+    other = memory.behind(seen_s, 18.0)
+    found = law.braking.likelier(other, memory)
+    assert (found is other) is is_believed
+    if not is_believed:  # what the way teaches is taught at once, and once
+        assert found.braked.way is None
+        assert found.belief.lag_s == pytest.approx(0.1, rel=0.02)
+        assert law.braking.studied(found).belief == found.belief
+
+
 def test_a_way_that_no_valve_like_this_goes_is_not_explained() -> None:
     valve = valve_of(0.1)
     plant, belief, spring = plant_of(valve, PERIOD_S, 0.0), belief_of(valve), theta_of(valve)[0]

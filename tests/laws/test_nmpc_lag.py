@@ -67,15 +67,15 @@ def test_a_lag_is_at_most_as_long_as_the_move() -> None:
     assert Way(10.0, 5.0, SPRING_MA_PER_M, 0.04, 0.2).lag_s(1.0) == pytest.approx(0.2, rel=1e-6)
 
 
-@pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.2])
-def test_behind_a_lag_that_nobody_has_told_moves_lead_to_the_setpoint(lag_s: float) -> None:
+@pytest.mark.parametrize(("lag_s", "most_pct"), [(0.02, 0.6), (0.1, 0.3), (0.2, 0.8)])  # 2 % of the reading is noise
+def test_behind_a_lag_that_nobody_has_told_moves_lead_to_the_setpoint(lag_s: float, most_pct: float) -> None:
     lags = {"fill_time_constant_s": lag_s, "vent_time_constant_s": lag_s}
     loop, errors_pct = Loop("nmpc", plant={"preset": "paper", "actuator": lags}), list[float]()
     for setpoint_m in (0.073, 0.087, 0.08, 0.076, 0.077, 0.09):
         loop.run(4.0, setpoint_m)
         errors_pct.append(100.0 * abs(loop.position_m - setpoint_m) / 0.127)
     assert max(errors_pct) < 1.0
-    assert max(errors_pct[2:]) < 0.8  # 2 % of the reading is noise
+    assert max(errors_pct[2:]) < most_pct
     assert 0.5 * lag_s < loop.state.control.memory.belief.lag_s < 2.0 * lag_s
 
 

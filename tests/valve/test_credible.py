@@ -153,8 +153,8 @@ def test_a_law_with_an_absurd_table_does_as_with_none_and_says_so_once(law: str,
     assert sum(not event.taught for event in given.events_of(NotBelieved)) == 2
 
 
-@pytest.mark.parametrize("late", [1, 2, 3, 5])
-def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int) -> None:
+@pytest.mark.parametrize(("late", "most_m"), [(1, 2e-3), (2, 4e-3), (3, 2e-3), (5, 2e-3)])
+def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int, most_m: float) -> None:
     loop, waiting = Loop("nmpc"), deque[tuple["CanFrame", ...]]([()] * late)
 
     def delay(frames: tuple[CanFrame, ...]) -> tuple[CanFrame, ...]:
@@ -165,7 +165,7 @@ def test_a_push_that_acts_late_teaches_no_landing_that_never_was(late: int) -> N
     for setpoint_m in (0.08, 0.073, 0.087, 0.08, 0.073, 0.087):
         loop.run(0.2, setpoint_m)
     biases_m = [event.sample.value for event in loop.events_of(Learned) if event.sample.quantity is BIAS]
-    assert all(abs(bias_m) < 4e-3 for bias_m in biases_m), biases_m
+    assert all(abs(bias_m) < most_m for bias_m in biases_m), biases_m
 
 
 def test_what_physics_excludes_is_not_learned_but_reported() -> None:

@@ -35,8 +35,8 @@ follows at once."""
 _DOUBT_LAG, _DOUBT_SEEN_LAG, _DOUBT_VISCOUS = 0.12, 0.3, 0.3
 """σ of a lag over itself: a configured one is as sure as a spring; one that the area of a move has shown is up to 20 %
 wrong, and 10 % by noise (`lag`). σ of ln ν: viscous friction is seldom measured."""
-_LAG_KNOWN, _ROUNDING = 0.1, 1e-9
-"""σ over itself of a lag that is known."""
+_LAG_SURE, _ROUNDING = 0.1, 1e-9
+"""σ over itself of a lag that is sure; of an exponential and a logarithm, less than any lag in s."""
 _MOST_LOG = 0.7
 """Of ln τ from one belief to the next, and of ln ν: half or twice."""
 
@@ -128,9 +128,9 @@ class ValveBelief:
         return lag_s_of(self.numbers.mean)
 
     @property
-    def is_lag_known(self) -> bool:
+    def is_lag_sure(self) -> bool:
         """Whether a lag that looks longer is a force that came late."""
-        return math.sqrt(self.numbers.variances[LAG]) < _log_sigma(self.lag_s, _LAG_KNOWN) + _ROUNDING
+        return math.sqrt(self.numbers.variances[LAG]) < _log_sigma(self.lag_s, _LAG_SURE) + _ROUNDING
 
     @property
     def jump_m(self) -> float:

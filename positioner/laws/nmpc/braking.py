@@ -100,11 +100,11 @@ class Braking:
 
     def taught(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory of a law that has read its table: the lag may be known from before a restart."""
-        return replace(memory, is_lag_known=memory.belief.lag_s > 0.0 and memory.belief.is_lag_known)
+        return replace(memory, is_lag_known=memory.belief.lag_s > 0.0 and memory.belief.is_lag_sure)
 
     def knows_lag(self, memory: NmpcMemory) -> bool:
         """Whether the whole way of a move has shown the lag."""
-        return memory.is_lag_known and memory.belief.is_lag_known
+        return memory.is_lag_known and memory.belief.is_lag_sure
 
     def prepared(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with how far away a move to a setpoint must begin to be braked by its readings."""
@@ -256,10 +256,27 @@ class Braking:
 
     def studied(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory with what the whole way of a move teaches, where the stem has gone most of it."""
-        found, belief = self._study(memory), memory.belief
-        memory = replace(memory, braked=replace(memory.braked, way=None))
+        found = self._study(memory)
         if found is None:
-            return memory
+            return replace(memory, braked=replace(memory.braked, way=None))
+        return self._taught_by(memory, found)
+
+    def likelier(self, other: NmpcMemory, memory: NmpcMemory) -> NmpcMemory:
+        """Return another memory where the way is not explained by this one, or by far better by the other.
+
+        Else this one returns, with what the way teaches.
+        """
+        found = self._study(memory)
+        if found is None or not found.is_explained:
+            return other
+        others = self._study(other)
+        is_better = others is not None and others.left_m2 < _LIKELIER * found.left_m2
+        return other if is_better else self._taught_by(memory, found)
+
+    def _taught_by(self, memory: NmpcMemory, found: Studied) -> NmpcMemory:
+        """Return the memory with what the way of a move has taught."""
+        belief = memory.belief
+        memory = replace(memory, braked=replace(memory.braked, way=None))
         memory = self._missed(memory, found.missed_m, found.line)
         braked = memory.braked.missed(math.sqrt(found.left_m2), by_reading=False)
         left_part = braked.left_part + _NEWEST * (found.left_part - braked.left_part)
@@ -269,14 +286,6 @@ class Braking:
         memory = replace(memory, belief=replace(belief, numbers=found.numbers))
         is_shown = found.numbers.variances[LAG] < _SHOWN * belief.numbers.variances[LAG]
         return replace(memory, is_lag_known=True, unpushed=None) if is_shown or not memory.is_blind else memory
-
-    def is_likelier(self, other: NmpcMemory, memory: NmpcMemory) -> bool:
-        """Whether the way is not explained by what is believed, or by far better by what another memory believes."""
-        found = self._study(memory)
-        if found is None or not found.is_explained:
-            return True
-        others = self._study(other)
-        return others is not None and others.left_m2 < _LIKELIER * found.left_m2
 
     def _study(self, memory: NmpcMemory) -> Studied | None:
         """Return what the way of a move teaches, None where the stem has not gone most of it."""

@@ -20,7 +20,7 @@ from positioner.valve.actuator import left_of_lag
 _LEAST_GAP = 0.02
 """Of the step: what is left of it when the stem is freed, at least; less is within the doubt of F_s."""
 _LONGER, _LESS, _NEW_LAG = 0.3, 0.4, 0.4
-"""A lag that is seen 30 % longer than configured is another one, and one that is 40 % shorter: what is believed of
+"""A lag that is seen 30 % longer than believed is another one, and one that is 40 % shorter: what is believed of
 spring and friction at first makes it up to 20 % wrong. Weight of the newest in the mean of those seen."""
 PATIENCE_S, MORE_PATIENCE_S = 0.2, 1.0
 """How long a push is held that should free the stem and does not, while no move has shown the lag: the first one, and

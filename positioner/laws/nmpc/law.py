@@ -361,13 +361,14 @@ class NmpcLaw:
         memory = replace(memory, is_lag_known=True, hurries=seen_s > _SHORTER * believed_s)
         is_other = belief.lag_s != lag_s_of(belief.configured)
         more_s = more_lag_s(believed_s, seen_s, self.judge.period_s + _SEEN * sigma_s, is_other=is_other)
+        if more_s == 0.0:
+            return replace(memory, unpushed=None)
         behind_ma = move.level_ma - direction * way.after_ma(believed_s + more_s)
         part = rising_s / actuator.slower_lag_s if rising_s else 1.0
         other = memory.behind(max(rising_s + part * more_s, 0.0), behind_ma)
-        if more_s == 0.0 or (self.braking is not None and not self.braking.is_likelier(other, memory)):
-            return replace(memory, unpushed=None)  # friction and mass may look like a lag, too
-        arrived = abs(behind_ma - move.level_ma) <= self.judge.near_ma(other)
-        return other if arrived else replace(other, rest=NO_REST, settled_s=0.0)
+        likelier = other if self.braking is None else self.braking.likelier(other, memory)
+        has_arrived = likelier is not other or abs(behind_ma - move.level_ma) <= self.judge.near_ma(other)
+        return likelier if has_arrived else replace(likelier, rest=NO_REST, settled_s=0.0)
 
     def _learned(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory with what a move teaches."""

@@ -357,6 +357,20 @@ def test_noise_is_worth_what_its_correlation_leaves(correlation: float) -> None:
 # -- the moves
 
 
+@pytest.mark.parametrize("law", ["nmpc", "quasi-static"])
+def test_near_the_end_of_the_travel_a_move_away_pushes_as_hard_as_friction_asks(law: str) -> None:
+    valve = {"spring_rate_n_per_m": 39_600.0, "diaphragm_area_m2": 0.075, "coulomb_friction_n": 1_450.0}
+    plant = {**valve, "static_friction_n": 2_330.0, "initial_position_m": 0.1192}
+    played = scenario(0.01, 2.0, plant={"valve": plant}, valve={**valve, "static_friction_n": 2_200.0})
+
+    played = replace(played, law=law, setpoints_mm=(119.2, 95.0))  # it is first moved up to the end, at 139.7 mm
+    run = run_in_process(played, beyond_reach=True)
+
+    assert 0.130 < run.recording.true_position_m.max() <= 0.1397
+    assert max(event.decision.failed_pushes for event in run.cycles) == 0
+    assert 0.02 < errors_pct(run, played)[1] < 0.3
+
+
 def test_a_far_setpoint_takes_one_move_and_a_near_one_begins_by_moving_away() -> None:
     belief = belief_of(VALVE)
 

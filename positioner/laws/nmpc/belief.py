@@ -169,6 +169,14 @@ class ValveBelief:
         """Return the pressure under which a stem that rests at a place is freed in `direction`."""
         return self.balance_ma(position_m) + direction * self.static_ma
 
+    def freeing_also_ma(self, level_ma: float, position_m: float, direction: float) -> float:
+        """Return a level that frees a stem, as far as friction is known; this one, where it does so anyway.
+
+        Near the end of the travel a move away has no room for a stronger push: then the stop ends it.
+        """
+        frees_ma = direction * self.freeing_ma(position_m, direction) + self.spring_ma_per_m * self.jump_doubt_m
+        return direction * max(direction * level_ma, frees_ma)
+
     def reachable_m(self, position_m: float, low_ma: float, high_ma: float) -> float:
         """Return the nearest place to which the lowest and the highest current let a stem slide."""
         low_m, high_m = self.slides_to_m(low_ma, -1.0), self.slides_to_m(high_ma, 1.0)

@@ -406,7 +406,10 @@ class NmpcLaw:
         level_m = step.target_m
         if step.stage is Stage.AWAY and memory.pending and self.judge.is_sure(memory):
             level_m += direction * 2.0 * CERTAIN * OF_READING * self.judge.noise_m(memory)
-        move = self._commanded(memory, step.stage, direction, step.target_m, belief.landing_ma(level_m, direction))
+        level_ma = belief.landing_ma(level_m, direction)
+        if step.stage is Stage.AWAY:
+            level_ma = belief.freeing_also_ma(level_ma, start_m, direction)
+        move = self._commanded(memory, step.stage, direction, step.target_m, level_ma)
         if pressure is not None:
             move = self._hurried(memory, move)
             lag_s = self._actuator(memory).lag_s(fills=direction > 0.0)

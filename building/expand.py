@@ -48,12 +48,46 @@ def expand(
         if value is not None:
             _expand_class(edits, value, replacements)
             completed += f"_native.complete({value.name}, {_twin(value)!r}, globals())\n"
+    _expand_constants(edits, tree)
     for call in ast.walk(tree):
         if isinstance(call, ast.Call) and _replaced(call) in replacements:
             _expand_replace(edits, call)
     if completed:
         edits.replace(len(source), len(source), f"import {NATIVE} as _native\nimport typing\n{completed}")
     return edits.result()
+
+
+def _expand_constants(edits: Edits, tree: ast.Module) -> None:
+    """Declare the numbers of a module as final: mypyc writes them where they are used, and looks up what may change."""
+    imported = "import typing as _typing; "
+    for node in tree.body:
+        constants = _numbers(node)
+        if constants:
+            text = "; ".join(f"{name}: _typing.Final = {value}" for name, value in constants)
+            edits.replace(*edits.span(node), f"{imported}{text}")
+            imported = ""
+
+
+def _numbers(node: ast.stmt) -> list[tuple[str, str]]:
+    """Return the names and values of an assignment of numbers, nothing if it is another statement."""
+    if not (isinstance(node, ast.Assign) and len(node.targets) == 1):
+        return []
+    target, value = node.targets[0], node.value
+    targets, values = ([each] if not isinstance(each, ast.Tuple) else each.elts for each in (target, value))
+    if len(targets) != len(values):
+        return []
+    found = [(ast.unparse(name), ast.unparse(number)) for name, number in zip(targets, values, strict=True)]
+    return found if all(map(_is_name, targets)) and all(map(_is_number, values)) else []
+
+
+def _is_name(node: ast.expr) -> bool:
+    return isinstance(node, ast.Name) and node.id.isupper()
+
+
+def _is_number(node: ast.expr) -> bool:
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        node = node.operand
+    return isinstance(node, ast.Constant) and type(node.value) in {int, float}
 
 
 def _replaced(node: ast.AST) -> tuple[str, ...] | None:

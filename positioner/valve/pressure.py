@@ -80,8 +80,12 @@ class PressureModel:
         line_ma = state.line_ma
         if line_ma:
             line_ma, current_ma = (*line_ma[1:], current_ma), line_ma[0]
-        converter_ma, pressure_ma = state.converter_ma, state.pressure_ma
-        for _ in range(self.steps):
+        converter_ma, pressure_ma = self.under(current_ma, state.converter_ma, state.pressure_ma)
+        return PressureState(line_ma, converter_ma, pressure_ma)
+
+    def under(self, current_ma: float, converter_ma: float, pressure_ma: float) -> tuple[float, float]:
+        """Return the outputs of converter and chamber in mA after a sample under a current that acts at once."""
+        for _step in range(self.steps):
             before_ma, converter_ma = converter_ma, current_ma + (converter_ma - current_ma) * self.converter
             driving_ma = 0.5 * (before_ma + converter_ma) if self.converter > 0.0 else converter_ma
             gap_ma = driving_ma - pressure_ma
@@ -89,7 +93,7 @@ class PressureModel:
             if self.most_ma > 0.0:
                 step_ma = min(max(step_ma, -self.most_ma), self.most_ma)
             pressure_ma += step_ma
-        return PressureState(line_ma, converter_ma, pressure_ma)
+        return converter_ma, pressure_ma
 
 
 def pressure_model(actuator: ActuatorParameters, period_s: float, delay_s: float = 0.0) -> PressureModel:

@@ -129,11 +129,33 @@ class Rollout:
     def after(self, moving: Moving, current_ma: float) -> Moving:
         """Return the motion one sample later, if this current is commanded at its beginning."""
         pressure, stem = moving.pressure, moving.stem
-        for _ in range(self.steps):
+        for _step in range(self.steps):
             before_ma = pressure.pressure_ma
             pressure = self.pressure.after(pressure, current_ma)
             stem = self._stepped(stem, before_ma + moving.shift_ma, pressure.pressure_ma + moving.shift_ma)
         return Moving(pressure, stem, moving.shift_ma)
+
+    def places_m(self, moving: Moving, runs: Sequence[tuple[float, int]]) -> list[float]:
+        """Return where the stem is after each sample under currents in mA, each for so many samples.
+
+        It is the motion of `after`, without a value for each sample: a study plays thousands of them.
+        """
+        line_ma, converter_ma = moving.pressure.line_ma, moving.pressure.converter_ma
+        pressure_ma, shift_ma, found = moving.pressure.pressure_ma, moving.shift_ma, list[float]()
+        stem = moving.stem
+        x, v, is_stuck, direction = stem.position_m, stem.velocity_m_per_s, stem.stuck, stem.direction
+        for current_ma, count in runs:
+            for _sample in range(count):
+                for _step in range(self.steps):
+                    acting_ma, before_ma = current_ma, pressure_ma
+                    if line_ma:
+                        acting_ma, line_ma = line_ma[0], (*line_ma[1:], current_ma)
+                    converter_ma, pressure_ma = self.pressure.under(acting_ma, converter_ma, pressure_ma)
+                    x, v, is_stuck, direction = self._moved(
+                        x, v, is_stuck, direction, before_ma + shift_ma, pressure_ma + shift_ma
+                    )
+                found.append(x)
+        return found
 
     def path(self, moving: Moving, currents: Sequence[float]) -> Iterator[Moving]:
         """Yield the motion after each sample under these currents, of which the last one stays."""
@@ -143,14 +165,22 @@ class Rollout:
 
     def _stepped(self, stem: StemState, before_ma: float, after_ma: float) -> StemState:
         """Return the stem after a step in which the pressure goes from one value to another."""
-        numbers, x, v, direction = self.numbers, stem.position_m, stem.velocity_m_per_s, stem.direction
+        x, v = stem.position_m, stem.velocity_m_per_s
+        x, v, is_stuck, direction = self._moved(x, v, stem.stuck, stem.direction, before_ma, after_ma)
+        return StemState(x, v, is_stuck, direction)
+
+    def _moved(
+        self, x: float, v: float, is_stuck: bool, direction: float, before_ma: float, after_ma: float
+    ) -> tuple[float, float, bool, float]:
+        """Return position, speed, whether it is stuck, and direction of a stem after such a step."""
+        numbers = self.numbers
         within = self.filling if after_ma > before_ma else self.venting
         mean_ma = before_ma + within.part_of_mean * (after_ma - before_ma)
-        if stem.stuck:
+        if is_stuck:
             balance_ma = numbers.balance_ma(x)
             push_ma = after_ma - balance_ma
             if abs(push_ma) <= numbers.static_ma:
-                return stem
+                return x, v, True, direction
             direction = 1.0 if push_ma > 0.0 else -1.0
             held_ma = numbers.static_ma - direction * (before_ma - balance_ma)
             slide = self.up if direction > 0.0 else self.down
@@ -159,10 +189,10 @@ class Rollout:
                 part, part_of_mean = within.rest_of(held_ma / (direction * (after_ma - before_ma)))
                 mean_ma = at_ma + part_of_mean * (after_ma - at_ma)
                 end = slide.model.step(x, 0.0, mean_ma, slide.load, direction, part * slide.period_s)
-                return StemState(end.x, end.v, end.stopped, direction)
+                return end.x, end.v, end.stopped, direction
         slide = self.up if direction > 0.0 else self.down
         x, v = slide.after(x, v, mean_ma)
-        return StemState(x, v, direction * v <= 0.0, direction)
+        return x, v, direction * v <= 0.0, direction
 
 
 def _within_step(left: float, pressure: PressureModel) -> WithinStep:

@@ -34,6 +34,10 @@ from positioner.inputs.table import SettingsTable
 from positioner.values import dataclass, replace
 
 
+_LEAST, MOST = 1.5, -2
+NAMES = ("a", "b")
+
+
 class Numbered(IntEnum):
     """An enumeration with a text of each member."""
 
@@ -146,6 +150,12 @@ def test_no_dataclass_and_no_call_of_replace_is_left(expanded: tuple[bytes, list
     code = expanded[0].decode().split("import positioner.native")[0]
     assert "@dataclass" not in code
     assert " replace(" not in code
+
+
+def test_numbers_are_final_and_what_is_no_number_is_not(expanded: tuple[bytes, list[int]], module: Any) -> None:
+    code = expanded[0].decode()
+    assert "; _LEAST: _typing.Final = 1.5; MOST: _typing.Final = -2\nNAMES = (" in code
+    assert (module._LEAST, module.MOST, module.NAMES) == (1.5, -2, ("a", "b"))
 
 
 def test_a_value_has_its_fields_their_defaults_and_its_methods(module: Any) -> None:

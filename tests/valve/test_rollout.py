@@ -68,6 +68,26 @@ def test_a_stem_goes_the_way_of_an_independent_integrator(
     assert abs(moving.stem.position_m - euler.x) < 2e-4
 
 
+@pytest.mark.parametrize("dead_time_s", [0.0, 0.004])
+@pytest.mark.parametrize("period_s", [1e-3, 5e-3])
+def test_the_places_under_runs_of_currents_are_those_of_the_motion_sample_by_sample(
+    dead_time_s: float, period_s: float
+) -> None:
+    valve = valve_of(0.02, 0.015)
+    valve = replace(valve, actuator=replace(valve.actuator, converter_time_constant_s=0.003, dead_time_s=dead_time_s))
+    numbers = numbers_of(valve)
+    rollout = plant_of(valve, period_s, 0.0).rollout(numbers)
+    moving = replace(at_rest(rollout, 0.07, numbers.spring_ma_per_m * 0.07), shift_ma=0.1)
+    runs = ((20.0, 40), (4.0, 25), (13.0, 30))
+
+    found = rollout.places_m(moving, runs)
+
+    currents = [current_ma for current_ma, count in runs for _ in range(count)]
+    path = [each.stem.position_m for _, each in zip(currents, rollout.path(moving, currents), strict=False)]
+    assert found == path
+    assert 0.01 < max(found) - min(found) < 0.07
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_stem_is_freed_by_more_than_its_static_friction_alone(direction: float) -> None:
     valve, numbers = valve_of(0.02, 0.02), numbers_of(valve_of(0.02, 0.02))

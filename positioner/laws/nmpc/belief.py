@@ -24,7 +24,7 @@ from positioner.valve.gaussian import Gaussian, gaussian_of
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
 
-SPRING, OFFSET, SLIDING, STATIC, LAG, VISCOUS = range(6)
+SPRING, OFFSET, SLIDING, STATIC, LAG, VISCOUS = 0, 1, 2, 3, 4, 5
 """Places of k, c, f_c, f_s, ln τ and ln ν in the Gaussian: τ is the lag of the rising pressure and a millisecond, ν
 viscous friction over the configured one."""
 _FORCES = 4

@@ -152,16 +152,14 @@ class Study:
         moving = Moving(begun, StemState(way.start_m, 0.0, True, 1.0))
         found: list[float] = []
         total_m, filled, seen_m, (low_m, high_m) = 0.0, 0, way.start_m, self.stops_m
-        stem_m = way.start_m
-        for current_ma, count in way.runs:
-            for _ in range(count):
-                before_m, moving = stem_m, rollout.after(moving, current_ma)
-                stem_m = min(max(moving.stem.position_m, low_m), high_m)
-                seen_m = self.sensor.after(before_m, stem_m, seen_m)
-                total_m, filled = total_m + seen_m, filled + 1
-                if filled == way.size:
-                    found.append(total_m / filled)
-                    total_m, filled = 0.0, 0
+        before_m, size = way.start_m, way.size
+        for place_m in rollout.places_m(moving, way.runs):
+            stem_m = min(max(place_m, low_m), high_m)
+            seen_m = self.sensor.after(before_m, stem_m, seen_m)
+            total_m, filled, before_m = total_m + seen_m, filled + 1, stem_m
+            if filled == size:
+                found.append(total_m / filled)
+                total_m, filled = 0.0, 0
         return found
 
     def _left_m2(self, expected: list[float]) -> float:

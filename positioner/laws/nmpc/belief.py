@@ -169,7 +169,7 @@ class ValveBelief:
         """Return the pressure under which a stem that rests at a place is freed in `direction`."""
         return self.balance_ma(position_m) + direction * self.static_ma
 
-    def freeing_also_ma(self, level_ma: float, position_m: float, direction: float) -> float:
+    def at_least_freeing_ma(self, level_ma: float, position_m: float, direction: float) -> float:
         """Return a level that frees a stem, as far as friction is known; this one, where it does so anyway.
 
         Near the end of the travel a move away has no room for a stronger push: then the stop ends it.

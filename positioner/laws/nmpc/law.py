@@ -408,7 +408,7 @@ class NmpcLaw:
             level_m += direction * 2.0 * CERTAIN * OF_READING * self.judge.noise_m(memory)
         level_ma = belief.landing_ma(level_m, direction)
         if step.stage is Stage.AWAY:
-            level_ma = belief.freeing_also_ma(level_ma, start_m, direction)
+            level_ma = belief.at_least_freeing_ma(level_ma, start_m, direction)
         move = self._commanded(memory, step.stage, direction, step.target_m, level_ma)
         if pressure is not None:
             move = self._hurried(memory, move)

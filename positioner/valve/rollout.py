@@ -128,12 +128,15 @@ class Rollout:
 
     def after(self, moving: Moving, current_ma: float) -> Moving:
         """Return the motion one sample later, if this current is commanded at its beginning."""
-        pressure, stem = moving.pressure, moving.stem
+        pressure, stem, shift_ma = moving.pressure, moving.stem, moving.shift_ma
+        x, v, is_stuck, direction = stem.position_m, stem.velocity_m_per_s, stem.stuck, stem.direction
         for _step in range(self.steps):
             before_ma = pressure.pressure_ma
             pressure = self.pressure.after(pressure, current_ma)
-            stem = self._stepped(stem, before_ma + moving.shift_ma, pressure.pressure_ma + moving.shift_ma)
-        return Moving(pressure, stem, moving.shift_ma)
+            x, v, is_stuck, direction = self._moved(
+                x, v, is_stuck, direction, before_ma + shift_ma, pressure.pressure_ma + shift_ma
+            )
+        return Moving(pressure, StemState(x, v, is_stuck, direction), shift_ma)
 
     def places_m(self, moving: Moving, runs: Sequence[tuple[float, int]]) -> list[float]:
         """Return where the stem is after each sample under currents in mA, each for so many samples.
@@ -163,16 +166,10 @@ class Rollout:
             moving = self.after(moving, currents[min(sample, len(currents) - 1)])
             yield moving
 
-    def _stepped(self, stem: StemState, before_ma: float, after_ma: float) -> StemState:
-        """Return the stem after a step in which the pressure goes from one value to another."""
-        x, v = stem.position_m, stem.velocity_m_per_s
-        x, v, is_stuck, direction = self._moved(x, v, stem.stuck, stem.direction, before_ma, after_ma)
-        return StemState(x, v, is_stuck, direction)
-
     def _moved(
         self, x: float, v: float, is_stuck: bool, direction: float, before_ma: float, after_ma: float
     ) -> tuple[float, float, bool, float]:
-        """Return position, speed, whether it is stuck, and direction of a stem after such a step."""
+        """Return position, speed, whether it is stuck, and direction of a stem after a step between two pressures."""
         numbers = self.numbers
         within = self.filling if after_ma > before_ma else self.venting
         mean_ma = before_ma + within.part_of_mean * (after_ma - before_ma)

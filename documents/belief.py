@@ -141,7 +141,7 @@ def _draw(panel: Axes, valve: ValveParameters, belief: ValveBelief) -> None:
 
 
 def _words(valve: ValveParameters, belief: ValveBelief) -> str:
-    gain, (_, _, _, static, lag, _) = valve.force_gain_n_per_ma, belief.numbers.variances
+    gain, (_, _, _, static, lag, *_) = valve.force_gain_n_per_ma, belief.numbers.variances
     lag_ms, sigma_ms = 1e3 * belief.lag_s, 1e3 * (belief.lag_s + LEAST_LAG_S) * lag**0.5
     return (
         f"F_s {gain * belief.static_ma:.0f} ± {_SIGMAS * gain * static**0.5:.0f} N, "

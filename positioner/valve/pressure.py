@@ -36,12 +36,15 @@ class PressureState:
 class PressureModel:
     """The constants of one sample.
 
-    waiting: samples of dead time, rounded up. steps: of each sample; step_s: h, their length. lag_s: τ_c + τ_f.
-    converter, fill, vent: what a step leaves of a difference, e^(-h/τ), 0 without lag. most_ma: the largest change of
-    the pressure in a step, 0 is no limit.
+    delay_s: from a reading until its command acts on the valve; waiting: that and the dead time in samples, rounded up;
+    early: the part of a sample by which a command acts before that. steps: of each sample; step_s: h, their length.
+    lag_s: τ_c + τ_f. converter, fill, vent: what a step leaves of a difference, e^(-h/τ), 0 without lag. most_ma: the
+    largest change of the pressure in a step, 0 is no limit.
     """
 
+    delay_s: float
     waiting: int
+    early: float
     steps: int
     step_s: float
     lag_s: float
@@ -64,24 +67,32 @@ class PressureModel:
         power = self.lag_s / lag_s
         return replace(self, converter=self.converter**power, fill=self.fill**power, vent=self.vent**power)
 
-    def from_longer(self, state: PressureState, times: int) -> PressureState:
-        """Return the state of a model of the same valve whose samples are so many times as long.
+    def with_dead_time(self, dead_time_s: float) -> PressureModel:
+        """Return the model with this dead time T_d."""
+        waiting, early = _in_samples(dead_time_s + self.delay_s, self.steps * self.step_s)
+        is_same = waiting == self.waiting and early == self.early
+        return self if is_same else replace(self, waiting=waiting, early=early)
 
-        That one rounds the dead time up to its own samples, so by this one the pressure has come farther.
+    def waiting_ma(self, state: PressureState) -> tuple[float, ...]:
+        """Return the commands that wait, the oldest first, also where the state is that of another dead time.
+
+        Those that wait no longer are forgotten; before the oldest one that is known, the converter's current was sent.
         """
-        line_ma = tuple([current_ma for current_ma in state.line_ma for _ in range(times)])
-        acted, arrived = len(line_ma) - self.waiting, replace(state, line_ma=())
-        for current_ma in line_ma[:acted]:
-            arrived = self.after(arrived, current_ma)
-        return replace(arrived, line_ma=line_ma[acted:])
+        missing = self.waiting - len(state.line_ma)
+        return (*(state.converter_ma,) * missing, *state.line_ma[max(-missing, 0) :]) if missing else state.line_ma
 
     def after(self, state: PressureState, current_ma: float) -> PressureState:
         """Return the state one sample later, if this current is commanded at its beginning."""
-        line_ma = state.line_ma
+        line_ma = self.waiting_ma(state)
         if line_ma:
-            line_ma, current_ma = (*line_ma[1:], current_ma), line_ma[0]
+            line_ma, current_ma = self.acting(line_ma, current_ma)
         converter_ma, pressure_ma = self.under(current_ma, state.converter_ma, state.pressure_ma)
         return PressureState(line_ma, converter_ma, pressure_ma)
+
+    def acting(self, line_ma: tuple[float, ...], current_ma: float) -> tuple[tuple[float, ...], float]:
+        """Return what waits after a sample in which a current is commanded, and the mean of what acts in it."""
+        waits_ma = (*line_ma[1:], current_ma)
+        return waits_ma, line_ma[0] + self.early * (waits_ma[0] - line_ma[0])
 
     def under(self, current_ma: float, converter_ma: float, pressure_ma: float) -> tuple[float, float]:
         """Return the outputs of converter and chamber in mA after a sample under a current that acts at once."""
@@ -106,6 +117,13 @@ def pressure_model(actuator: ActuatorParameters, period_s: float, delay_s: float
         steps = max(1, min(_MOST_STEPS, int(period_s / longest_s)))
     step_s = period_s / steps
     converter, fill, vent = (left_of_lag(step_s, lag_s) for lag_s in lags_s)
-    waiting = math.ceil((actuator.dead_time_s + delay_s) / period_s - _ROUNDING)
-    most_ma = actuator.slew_ma_per_s * step_s
-    return PressureModel(waiting, steps, step_s, actuator.lag_s(fills=True), converter, fill, vent, most_ma)
+    most_ma, lag_s = actuator.slew_ma_per_s * step_s, actuator.lag_s(fills=True)
+    waiting, early = _in_samples(actuator.dead_time_s + delay_s, period_s)
+    return PressureModel(delay_s, waiting, early, steps, step_s, lag_s, converter, fill, vent, most_ma)
+
+
+def _in_samples(dead_time_s: float, period_s: float) -> tuple[int, float]:
+    """Return a dead time in samples, rounded up, and the part of a sample by which it is shorter."""
+    samples = dead_time_s / period_s
+    waiting = math.ceil(samples - _ROUNDING)
+    return waiting, max(waiting - samples, 0.0)

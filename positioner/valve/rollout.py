@@ -36,7 +36,7 @@ _NEARLY_ONE = 0.999
 class Numbers:
     """What a move depends on: K/B in mA/m, F_0/B, F_c/B and F_s/B in mA.
 
-    lag_s: τ_c + τ_f, that of the rising pressure. viscous: above 0, a factor of the configured F_v.
+    lag_s: τ_c + τ_f, that of the rising pressure; dead_time_s: T_d. viscous: above 0, a factor of the configured F_v.
     """
 
     spring_ma_per_m: float
@@ -44,6 +44,7 @@ class Numbers:
     sliding_ma: float
     static_ma: float
     lag_s: float
+    dead_time_s: float
     viscous: float = 1.0
 
     @property
@@ -58,10 +59,7 @@ class Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """A stem and the pressure that moves it; shift_ma: what pushes it upwards beside that, in this slip.
-
-    The pressure's dead time is in steps of the `Plant` (`PressureModel.from_longer`).
-    """
+    """A stem and the pressure that moves it, in steps of the `Plant`; shift_ma: what pushes it upwards in this slip."""
 
     pressure: PressureState
     stem: StemState
@@ -83,7 +81,7 @@ class Plant:
 
     def rollout(self, numbers: Numbers) -> Rollout:
         """Return the motion of the valve that has these numbers."""
-        pressure = self.actuator.with_lag(numbers.lag_s)
+        pressure = self.actuator.with_lag(numbers.lag_s).with_dead_time(numbers.dead_time_s)
         filling, venting = (_within_step(left**pressure.steps, pressure) for left in (pressure.fill, pressure.vent))
         motion = MotionModel(self.mass, 1.0, numbers.offset_ma)
         load = Load(numbers.spring_ma_per_m, numbers.sliding_ma, self.viscous * numbers.viscous)
@@ -143,7 +141,7 @@ class Rollout:
 
         It is the motion of `after`, without a value for each sample: a study plays thousands of them.
         """
-        line_ma, converter_ma = moving.pressure.line_ma, moving.pressure.converter_ma
+        line_ma, converter_ma = self.pressure.waiting_ma(moving.pressure), moving.pressure.converter_ma
         pressure_ma, shift_ma, found = moving.pressure.pressure_ma, moving.shift_ma, list[float]()
         stem = moving.stem
         x, v, is_stuck, direction = stem.position_m, stem.velocity_m_per_s, stem.stuck, stem.direction
@@ -152,7 +150,7 @@ class Rollout:
                 for _step in range(self.steps):
                     acting_ma, before_ma = current_ma, pressure_ma
                     if line_ma:
-                        acting_ma, line_ma = line_ma[0], (*line_ma[1:], current_ma)
+                        line_ma, acting_ma = self.pressure.acting(line_ma, current_ma)
                     converter_ma, pressure_ma = self.pressure.under(acting_ma, converter_ma, pressure_ma)
                     x, v, is_stuck, direction = self._moved(
                         x, v, is_stuck, direction, before_ma + shift_ma, pressure_ma + shift_ma

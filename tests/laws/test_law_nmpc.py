@@ -177,7 +177,7 @@ def test_the_belief_is_as_sure_as_it_is_right() -> None:
             seen = Landing(landing.position_m, landing.direction, landing.pressure_ma + 0.0313 * chance.normal())
             belief = belief.landed(seen, 1e-12, 0.0)
         error = np.array([spring, offset, sliding]) - np.array(belief.numbers.mean[:3])
-        covariance = np.array(belief.numbers.covariance).reshape(6, 6)[:3, :3]
+        covariance = np.array(belief.numbers.covariance).reshape(7, 7)[:3, :3]
         squares.append(float(error @ np.linalg.solve(covariance, error)) / 3.0)
 
     assert 0.5 < float(np.mean(squares)) < 1.6
@@ -687,7 +687,7 @@ def returned(law: NmpcLaw, moved_m: float, level_ma: float, push: float) -> tupl
     begun = law.begin(0.08)
     before_ma = begun.belief.landing_ma(0.08, push)
     move = Move(Stage.RETURN, push, 0.08, level_ma, before_ma, before_ma, 0.08, 1e-10, 0.0)
-    at_rest = replace(begun, move=move, pressure=law.model.at_rest(level_ma))
+    at_rest = replace(begun, move=move, pressure=law.plant.actuator.at_rest(level_ma))
     return at_rest, law.ends.landed(replace(at_rest, position_m=0.08 + moved_m, position_m2=1e-10))
 
 
@@ -934,9 +934,22 @@ def test_a_push_into_a_stop_is_not_in_vain(position_m: float, failed: int) -> No
     begun = law.begin(position_m)
     level_ma = begun.belief.freeing_ma(position_m, 1.0) + 0.5
     move = replace(begun.move, stage=Stage.LAND, direction=1.0, level_ma=level_ma, start_m2=1e-10)
-    after = law.ends.landed(replace(begun, move=move, pressure=law.model.at_rest(level_ma), position_m2=1e-10))
+    after = law.ends.landed(replace(begun, move=move, pressure=law.plant.actuator.at_rest(level_ma), position_m2=1e-10))
     assert after.failed == failed
     assert (after.belief == begun.belief) is (failed == 0)
+
+
+def test_what_goes_on_sliding_after_a_landing_shows_no_more_force_than_its_way() -> None:
+    law = law_of()
+    begun, moved_m = law.begin(0.08), -0.004
+    landed_ma, middle_ma = begun.belief.landing_ma(0.08, -1.0), begun.belief.balance_ma(0.08)
+    move = replace(begun.move, stage=Stage.RETURN, direction=-1.0, level_ma=middle_ma, before_ma=landed_ma)
+    memory = replace(begun, move=move, pressure=law.plant.actuator.at_rest(middle_ma), position_m=0.08 + moved_m)
+    belief = law.ends.carried(replace(memory, position_m2=1e-10), moved_m, 1e-10).belief
+    way_ma = -moved_m * belief.spring_ma_per_m
+    assert 0.0 < belief.offset_ma < way_ma  # F_c more, 4.3 mA, if it had slid at the end of the return
+    left_ma = landed_ma - belief.landing_ma(0.08 + moved_m, -1.0)
+    assert abs(left_ma) < 0.5 * way_ma
 
 
 def test_backlash_that_is_taken_up_is_no_motion() -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 from loop_helpers import Loop
 
-from positioner.laws.nmpc.belief import LAG, Landing, belief_of
+from positioner.laws.nmpc.belief import DEAD_TIME, LAG, Landing, belief_of
 from positioner.laws.nmpc.kept import lesson_of, taught
 from positioner.laws.nmpc.lag import Way, more_lag_s
 from positioner.valve.actuator import ActuatorParameters
@@ -122,10 +122,11 @@ def test_a_lag_is_believed_with_a_doubt_of_a_part_and_a_millisecond(told_ms: flo
     sigma_ms = (told_ms + 1.0) * math.sqrt(belief.numbers.variances[LAG])
     assert 1e3 * belief.lag_s == pytest.approx(told_ms)
     assert sigma_ms == pytest.approx(math.hypot(0.12 * told_ms, 1.0))
-    longer = belief.within(belief.numbers.with_mean((*belief.numbers.mean[:LAG], 5.0, 0.0)))
+    longer = belief.within(belief.numbers.with_mean((*belief.numbers.mean[:LAG], 5.0, 0.0, 0.0)))
     assert math.exp(longer.mean[LAG]) == pytest.approx(1e-3 * (told_ms + 1.0) * math.exp(0.7))  # twice at a time
-    shorter = belief.within(belief.numbers.with_mean((*belief.numbers.mean[:LAG], -50.0, 0.0)))
+    shorter = belief.within(belief.numbers.with_mean((*belief.numbers.mean[:LAG], -50.0, 0.0, -0.1)))
     assert math.exp(shorter.mean[LAG]) == pytest.approx(1e-3 * max((told_ms + 1.0) * math.exp(-0.7), 1.0))
+    assert shorter.mean[DEAD_TIME] == 0.0
 
 
 @pytest.mark.parametrize("told_s", [0.0, 0.1])

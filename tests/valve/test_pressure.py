@@ -35,11 +35,35 @@ def test_without_lag_the_pressure_is_the_current() -> None:
     assert played(model_of(), 8.0, [12.0, 5.0, 20.0]) == [12.0, 5.0, 20.0]
 
 
-@pytest.mark.parametrize(("dead_s", "delay_s", "samples"), [(0.003, 0.0, 3), (0.0025, 0.0, 3), (0.002, 0.001, 3)])
-def test_a_dead_time_is_waited_for_in_whole_samples(dead_s: float, delay_s: float, samples: int) -> None:
-    found = played(model_of(delay_s=delay_s, dead_time_s=dead_s), 8.0, [12.0] * 5)
+@pytest.mark.parametrize(
+    ("dead_s", "delay_s", "expected"),
+    [
+        (0.003, 0.0, [8.0, 8.0, 8.0, 12.0, 20.0]),
+        (0.0025, 0.0, [8.0, 8.0, 10.0, 16.0, 20.0]),  # half of a sample each
+        (0.002, 0.001, [8.0, 8.0, 8.0, 12.0, 20.0]),
+        (0.00025, 0.0, [11.0, 18.0, 20.0, 20.0, 20.0]),
+    ],
+)
+def test_a_dead_time_is_waited_for_in_parts_of_samples(dead_s: float, delay_s: float, expected: list[float]) -> None:
+    currents_ma = [12.0, 20.0, 20.0, 20.0, 20.0]
+    assert played(model_of(delay_s=delay_s, dead_time_s=dead_s), 8.0, currents_ma) == pytest.approx(expected, abs=1e-9)
+    other = model_of(delay_s=delay_s, dead_time_s=0.01).with_dead_time(dead_s)
+    assert played(other, 8.0, currents_ma) == pytest.approx(expected, abs=1e-9)
 
-    assert found == [8.0] * samples + [12.0] * (5 - samples)
+
+@pytest.mark.parametrize(("dead_s", "expected"), [(0.001, [14.0, 20.0, 20.0, 20.0]), (0.004, [8.0, 8.0, 12.0, 14.0])])
+def test_the_state_of_another_dead_time_goes_on_with_the_commands_that_are_known(
+    dead_s: float, expected: list[float]
+) -> None:
+    model = model_of(dead_time_s=0.002)
+    state = model.at_rest(8.0)
+    for current_ma in (12.0, 14.0):
+        state = model.after(state, current_ma)
+    other, found = model.with_dead_time(dead_s), []
+    for _ in expected:
+        state = other.after(state, 20.0)
+        found.append(state.pressure_ma)
+    assert found == expected
 
 
 @pytest.mark.parametrize(("to_ma", "lag_s"), [(16.0, 0.05), (4.0, 0.08)])

@@ -23,10 +23,11 @@ from positioner.valve.gaussian import Gaussian, gaussian_of
 
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
+    from positioner.valve.pressure import PressureModel
 
-SPRING, OFFSET, SLIDING, STATIC, LAG, VISCOUS = 0, 1, 2, 3, 4, 5
-"""Places of k, c, f_c, f_s, ln τ and ln ν in the Gaussian: τ is the lag of the rising pressure and a millisecond, ν
-viscous friction over the configured one."""
+SPRING, OFFSET, SLIDING, STATIC, LAG, VISCOUS, DEAD_TIME = 0, 1, 2, 3, 4, 5, 6
+"""Places of k, c, f_c, f_s, ln τ, ln ν and T_d in the Gaussian: τ is the lag of the rising pressure and a millisecond,
+ν viscous friction over the configured one, T_d the dead time in s."""
 _FORCES = 4
 """The first four are those of a balance; only the whole way of a move shows the others."""
 LEAST_LAG_S = 1e-3
@@ -35,6 +36,10 @@ follows at once."""
 _DOUBT_LAG, _DOUBT_SEEN_LAG, _DOUBT_VISCOUS = 0.12, 0.3, 0.3
 """σ of a lag over itself: a configured one is as sure as a spring; one that the area of a move has shown is up to 20 %
 wrong, and 10 % by noise (`lag`). σ of ln ν: viscous friction is seldom measured."""
+_DOUBT_DEAD_TIME = 0.05
+"""σ of T_d over the lag, beside 12 % of a configured one: what is not configured of converter, volumes and sensor acts
+so much later. Where it was not doubted, stops of braked moves behind 100 ms and a dead time of 5 ms that nobody has
+told were all 0.3 to 1 % of span too far (DESIGN.md, "A dead time that is not configured")."""
 _LAG_SURE, _ROUNDING = 0.1, 1e-9
 """σ over itself of a lag that is sure; of an exponential and a logarithm, less than any lag in s."""
 _MOST_LOG = 0.7
@@ -90,7 +95,7 @@ class Landing:
 
 @dataclass(frozen=True, slots=True)
 class ValveBelief:
-    """The Gaussian over k, c, f_c, f_s (mA/m and mA), ln τ and ln ν; variance and last ones of landings.
+    """The Gaussian over k, c, f_c, f_s (mA/m and mA), ln τ, ln ν and T_d; variance and last ones of landings.
 
     scatter_ma2: variance of a landing; least_scatter_ma2: of one on the best packing. configured: the mean by what the
     configuration says.
@@ -126,6 +131,15 @@ class ValveBelief:
     def lag_s(self) -> float:
         """Lag of the rising pressure, τ_c + τ_f."""
         return lag_s_of(self.numbers.mean)
+
+    @property
+    def dead_time_s(self) -> float:
+        """T_d: how long the pressure waits for a command."""
+        return self.numbers.mean[DEAD_TIME]
+
+    def lags(self, model: PressureModel) -> PressureModel:
+        """Return a model of the pressure with the lags and the dead time that are believed."""
+        return model.with_lag(self.lag_s).with_dead_time(self.dead_time_s)
 
     @property
     def is_lag_sure(self) -> bool:
@@ -267,9 +281,12 @@ class ValveBelief:
         return offset * offset, sliding * sliding, static * static
 
     def with_lag(self, lag_s: float) -> ValveBelief:
-        """Return the belief in another lag, which the area of a move has shown."""
+        """Return the belief in another lag, which a move has shown, with the configured dead time."""
         mean, sigma = math.log(lag_s + LEAST_LAG_S), _log_sigma(lag_s, _DOUBT_SEEN_LAG)
-        return replace(self, numbers=self.numbers.renewed(LAG, mean, sigma * sigma))
+        dead_time_s = self.configured[DEAD_TIME]
+        doubt_s = _dead_time_sigma_s(dead_time_s, lag_s)
+        numbers = self.numbers.renewed(LAG, mean, sigma * sigma).renewed(DEAD_TIME, dead_time_s, doubt_s * doubt_s)
+        return replace(self, numbers=numbers)
 
     def measured(self, line: tuple[float, ...], value: float, variance: float) -> ValveBelief:
         """Return the belief after a sum of its numbers, weighted by `line`, was measured with this variance."""
@@ -335,18 +352,18 @@ class ValveBelief:
 
     def within(self, numbers: Gaussian) -> Gaussian:
         """Return the numbers with a mean that a valve may have."""
-        spring, offset, sliding, static, lag, viscous = numbers.mean
+        spring, offset, sliding, static, lag, viscous, dead_time_s = numbers.mean
         before, viscous = self.numbers.mean[LAG], min(max(viscous, -_MOST_LOG), _MOST_LOG)
         lag = min(max(lag, before - _MOST_LOG, math.log(LEAST_LAG_S)), before + _MOST_LOG)
         configured = self.configured[SPRING]
         spring = min(max(spring, _LEAST_SPRING * configured), _MOST_SPRING * configured)
         sliding = max(sliding, 0.0)
         static = max(static, sliding * _LEAST_RATIO + _LEAST_GAP_MA)
-        return numbers.with_mean((spring, offset, sliding, static, lag, viscous))
+        return numbers.with_mean((spring, offset, sliding, static, lag, viscous, max(dead_time_s, 0.0)))
 
 
 def lag_s_of(theta: tuple[float, ...]) -> float:
-    """Return the lag of the rising pressure, of k, c, f_c, f_s, ln τ and ln ν."""
+    """Return the lag of the rising pressure, of k, c, f_c, f_s, ln τ, ln ν and T_d."""
     lag_s = math.exp(theta[LAG]) - LEAST_LAG_S
     return lag_s if lag_s > _ROUNDING else 0.0
 
@@ -356,12 +373,17 @@ def _log_sigma(lag_s: float, part: float) -> float:
     return math.hypot(part * lag_s, LEAST_LAG_S) / (lag_s + LEAST_LAG_S)
 
 
+def _dead_time_sigma_s(dead_time_s: float, lag_s: float) -> float:
+    """Return σ of a configured dead time behind a lag."""
+    return _DOUBT_LAG * dead_time_s + _DOUBT_DEAD_TIME * lag_s
+
+
 def belief_of(valve: ValveParameters) -> ValveBelief:
     """Return what a configuration says, and how far it may be off."""
     gain = valve.force_gain_n_per_ma
     spring, offset = valve.spring_rate_n_per_m / gain, valve.bench_set_n / gain
     sliding, static = valve.coulomb_friction_n / gain, valve.static_friction_n / gain
-    lag_s = valve.actuator.lag_s(fills=True)
+    lag_s, dead_time_s = valve.actuator.lag_s(fills=True), valve.actuator.dead_time_s
     sigmas = (
         _DOUBT_SPRING * spring,
         _DOUBT_OFFSET_MA,
@@ -369,7 +391,9 @@ def belief_of(valve: ValveParameters) -> ValveBelief:
         _DOUBT_FRICTION * static + _FRICTION_MA,
         _log_sigma(lag_s, _DOUBT_LAG),
         _DOUBT_VISCOUS,
+        _dead_time_sigma_s(dead_time_s, lag_s),
     )
     scatter_ma = _SCATTER * sliding + _SCATTER_MA
-    numbers = gaussian_of((spring, offset, sliding, static, math.log(lag_s + LEAST_LAG_S), 0.0), sigmas)
+    mean = (spring, offset, sliding, static, math.log(lag_s + LEAST_LAG_S), 0.0, dead_time_s)
+    numbers = gaussian_of(mean, sigmas)
     return ValveBelief(numbers, scatter_ma * scatter_ma, numbers.mean, scatter_ma * scatter_ma)

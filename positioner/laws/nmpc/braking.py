@@ -139,7 +139,6 @@ class Braking:
         pressure, belief, start_m = memory.pressure, memory.belief, self.judge.stem_m(memory)
         if pressure is None or memory.failed > 0 or start_m == setpoint_m:
             return None
-        pressure = self.plant.actuator.with_lag(belief.lag_s).from_longer(pressure, self.plant.steps)
         task = self._task(belief, pressure, start_m, setpoint_m, memory.sent_ma)
         if self.limits.excess_ma(belief.landing_ma(setpoint_m, task.direction) + _SPARE_MA * task.direction) > 0.0:
             return None  # only a current at its limit shows whether the stem comes so far

@@ -10,7 +10,6 @@ from positioner.laws.nmpc.judging import Judge
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.move import Limits, Stem
 from positioner.laws.nmpc.programme import NEAR, StopPlanner
-from positioner.valve.pressure import pressure_model
 from positioner.valve.rollout import plant_of
 from positioner.valve.sensor import sensor_lag
 
@@ -43,10 +42,9 @@ def nmpc_law(
     """
     plant, limits = plant_of(valve, period_s, delay_s), Limits(*currents_ma, valve.travel_min_m, valve.travel_max_m)
     stem = Stem(plant.mass, plant.viscous)
-    judge, model = Judge(valve, estimator, stem, period_s), pressure_model(valve.actuator, period_s, delay_s)
-    sensor = sensor_lag(valve.sensor_time_constant_s, period_s)
+    judge, sensor = Judge(valve, estimator, stem, period_s), sensor_lag(valve.sensor_time_constant_s, period_s)
     braking = None
     if solver is not None:
         planner = StopPlanner(solver, limits, NEAR * valve.span_m)
         braking = Braking(judge, limits, plant, sensor, planner, rate_ma_per_s * period_s)
-    return NmpcLaw("nmpc", judge, limits, model, plant, braking=braking, rate_ma_per_s=rate_ma_per_s)
+    return NmpcLaw("nmpc", judge, limits, plant, braking=braking, rate_ma_per_s=rate_ma_per_s)

@@ -61,7 +61,7 @@ def inertia_m(plant: Plant, belief: ValveBelief, pressure: PressureState, move: 
     Args:
         plant: the configured valve.
         belief: what is believed of it.
-        pressure: now, in samples.
+        pressure: now.
         move: the move, which begins.
         period_s: of a sample.
     """
@@ -69,7 +69,6 @@ def inertia_m(plant: Plant, belief: ValveBelief, pressure: PressureState, move: 
     plain_m = belief.slides_to_m(level_ma, direction)
     local_ma = belief.local_ma(plain_m, direction)
     rollout = plant.rollout(numbers_of(belief.numbers.mean, local_ma))
-    pressure = rollout.pressure.from_longer(pressure, plant.steps)
     task = Task(pressure, move.start_m, plain_m, move.boost_ma, level_ma, level_ma, 0.0, 0.0, period_s)
     stop = stop_of(rollout, task, (move.boost_ma,) * move.boosted)
     beyond_m = direction * (stop.position_m - plain_m + local_ma / belief.spring_ma_per_m)
@@ -116,7 +115,8 @@ class MoveEnds:
     def carried(self, memory: NmpcMemory, moved_m: float, from_m2: float) -> NmpcMemory:
         """Return the memory after a stem has moved that nothing should have moved: this is a landing, too.
 
-        A force has moved it; or, where it slid with the pressure, less friction than believed has not held it.
+        A force has moved it; or, where it slid with the pressure, less friction than believed has not held it. One that
+        goes on with its landing, by less than a slip jump, does so at that pressure: no force of F_c need have come.
 
         Args:
             memory: of the stem where it rests now.
@@ -133,7 +133,8 @@ class MoveEnds:
             least_m = max(least_m, _SLIDES * abs(move.level_ma - move.before_ma) / belief.spring_ma_per_m)
         if abs(moved_m) < least_m or self.limits.holds(position_m, direction):
             return memory
-        landing = Landing(position_m, direction, memory.behind_ma)
+        goes_on = move.stage is Stage.RETURN and direction == move.direction and abs(moved_m) < belief.jump_m
+        landing = Landing(position_m, direction, move.before_ma if goes_on else memory.behind_ma)
         belief = belief.landed(landing, memory.position_m2, 0.0, is_force=is_force)
         if not is_force:
             belief = belief.freed(move.start_m, direction, move.level_ma)

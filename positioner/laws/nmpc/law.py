@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc.braking import Braking
     from positioner.valve.actuator import ActuatorParameters
     from positioner.valve.parameters import ValveParameters
-    from positioner.valve.pressure import PressureModel
     from positioner.valve.rollout import Plant
     from positioner.valve.stiction import StictionTable
 
@@ -93,7 +92,6 @@ class NmpcLaw:
     name: str
     judge: Judge
     limits: Limits
-    model: PressureModel
     plant: Plant
     keeps: bool = True
     braking: Braking | None = None
@@ -140,10 +138,10 @@ class NmpcLaw:
         pressure, move, sent_ma = memory.pressure, memory.move, memory.sent_ma
         if pressure is None:
             sent_ma = observation.applied_ma
-            pressure = self.model.at_rest(sent_ma)
+            pressure = self.plant.actuator.at_rest(sent_ma)
             move = replace(move, level_ma=sent_ma, before_ma=sent_ma, from_ma=sent_ma)
-        model = self.model.with_lag(memory.belief.lag_s)
-        for _ in range(max(1, round(observation.elapsed_s / self.judge.period_s))):
+        model = memory.belief.lags(self.plant.actuator)
+        for _ in range(self.plant.steps * max(1, round(observation.elapsed_s / self.judge.period_s))):
             pressure = model.after(pressure, sent_ma)
         measured_m, elapsed_s = observation.measured_m, observation.elapsed_s
         smooth_m = memory.smooth_m + _SMOOTHING * (measured_m - memory.smooth_m)
@@ -329,7 +327,8 @@ class NmpcLaw:
 
     def _actuator(self, memory: NmpcMemory) -> ActuatorParameters:
         """Return the actuator as it is believed."""
-        return self.valve.actuator.with_lag(memory.belief.lag_s)
+        actuator = self.valve.actuator.with_lag(memory.belief.lag_s)
+        return replace(actuator, dead_time_s=memory.belief.dead_time_s)
 
     def _followed(self, memory: NmpcMemory) -> NmpcMemory:
         """Return the memory with what a move shows of the lag; not settled where the pressure is still on its way."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from positioner.laws.nmpc.belief import LAG, LEAST_LAG_S, SPRING, lag_s_of
+from positioner.laws.nmpc.belief import DEAD_TIME, LAG, LEAST_LAG_S, SPRING, lag_s_of
 from positioner.laws.nmpc.stop import Stop, Task, beyond_m, stop_of
 from positioner.values import dataclass, replace
 from positioner.valve.rollout import Numbers
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Moving, Plant, Rollout
 
-_DIFFERENCES = (0.01, 0.02, 0.02, 0.02, 0.05, 0.05)
-"""Steps of the derivatives by k (relative), c, f_c, f_s (mA), ln τ and ln ν: σ of what is known well."""
+_DIFFERENCES = (0.01, 0.02, 0.02, 0.02, 0.05, 0.05, 0.0005)
+"""Steps of the derivatives by k (relative), c, f_c, f_s (mA), ln τ, ln ν and T_d (s): σ of what is known well."""
 _BISECTIONS = 18
 """Of eight lags to 0.03 ms at a lag of 1 s."""
 _DEPTH = 0.5
@@ -89,7 +89,7 @@ def task_of(
 
 @dataclass(frozen=True, slots=True)
 class SlipPlan:
-    """A braked move: its stop, and how that depends on k, c, f_c, f_s, ln τ and ln ν.
+    """A braked move: its stop, and how that depends on k, c, f_c, f_s, ln τ, ln ν and T_d.
 
     rollout: by which it was planned, and is steered. currents: of the samples, at first as planned; from the brake on,
     those that the readings have led to. boosted: samples before the brake. by_reading: nothing but readings says when
@@ -121,9 +121,9 @@ class SlipPlan:
 
 
 def numbers_of(theta: tuple[float, ...], local_ma: float = 0.0) -> Numbers:
-    """Return the numbers of θ = (k, c, f_c, f_s, ln τ, ln ν); local_ma: what the friction near the target adds to c."""
-    spring, offset, sliding, static, _, viscous = theta
-    return Numbers(spring, offset + local_ma, sliding, static, lag_s_of(theta), math.exp(viscous))
+    """Return the numbers of θ = (k, c, f_c, f_s, ln τ, ln ν, T_d); local_ma: what the friction near the target adds."""
+    spring, offset, sliding, static, _, viscous, dead_time_s = theta
+    return Numbers(spring, offset + local_ma, sliding, static, lag_s_of(theta), dead_time_s, math.exp(viscous))
 
 
 def both_sides(theta: tuple[float, ...], place: int) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
@@ -133,6 +133,8 @@ def both_sides(theta: tuple[float, ...], place: int) -> tuple[float, tuple[float
         change *= here
     elif place == LAG:
         least = math.log(LEAST_LAG_S)
+    elif place == DEAD_TIME:
+        least = 0.0
     before, after, lower = theta[:place], theta[place + 1 :], max(here - change, least)
     return here + change - lower, (*before, here + change, *after), (*before, lower, *after)
 
@@ -142,7 +144,7 @@ def slip_plan(plant: Plant, theta: tuple[float, ...], local_ma: float, task: Tas
 
     Args:
         plant: the configured valve.
-        theta: k, c, f_c, f_s, ln τ and ln ν.
+        theta: k, c, f_c, f_s, ln τ, ln ν and T_d.
         local_ma: what the friction near the target adds to c.
         task: the move.
         within_m: how far from the target it may stop.

@@ -1,8 +1,8 @@
-"""What the whole way of a move teaches: spring, offset, friction, lag and viscous friction in one step. Pure.
+"""What the whole way of a move teaches: spring, offset, friction, lag and dead time in one step. Pure.
 
 The rollout of `valve.rollout` says where the stem is at each reading, for each value of the numbers
 
-    θ = (k, c, f_c, f_s, ln τ, ln ν),    τ: lag and a millisecond, ν: viscous friction over the configured one.
+    θ = (k, c, f_c, f_s, ln τ, ln ν, T_d),    τ: lag and a millisecond, ν: viscous friction over the configured one.
 
 A move away and the one back are one way, which shows the friction of both directions. Readings z, in at most 64 blocks,
 are a measurement z = h(θ) + noise. What is believed of θ is a Gaussian, so θ is found by Gauss-Newton steps from it
@@ -148,8 +148,7 @@ class Study:
     def blocks(self, theta: tuple[float, ...]) -> list[float]:
         """Return the means of the full blocks as θ has them."""
         rollout, way = self.plant.rollout(numbers_of(theta, self.local_ma)), self.way
-        begun = rollout.pressure.from_longer(way.begun, rollout.steps)
-        moving = Moving(begun, StemState(way.start_m, 0.0, True, 1.0))
+        moving = Moving(way.begun, StemState(way.start_m, 0.0, True, 1.0))
         found: list[float] = []
         total_m, filled, seen_m, (low_m, high_m) = 0.0, 0, way.start_m, self.stops_m
         before_m, size = way.start_m, way.size

@@ -14,7 +14,7 @@ _MOST_CERTAIN = 0.9
 _TAIL = 3.0
 """A bound so many σ away from what is believed says nothing new."""
 _LEAST_VARIANCE = 1e-10
-"""In squares of the numbers' units; smaller is rounding."""
+"""In squares of the numbers' units; no measurement makes a variance smaller, which would be rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Gaussian:
                 covariance[row * count + column] -= spread[row] * spread[column] * gain
         for row in range(count):
             place = row * (count + 1)
-            covariance[place] = max(covariance[place], _LEAST_VARIANCE)
+            covariance[place] = max(covariance[place], min(self.covariance[place], _LEAST_VARIANCE))
         return Gaussian(tuple(mean), tuple(covariance))
 
     def _spread(self, line: tuple[float, ...]) -> tuple[float, ...]:

@@ -69,7 +69,9 @@ class PressureModel:
 
     def with_dead_time(self, dead_time_s: float) -> PressureModel:
         """Return the model with this dead time T_d."""
-        waiting, early = _in_samples(dead_time_s + self.delay_s, self.steps * self.step_s)
+        samples = (dead_time_s + self.delay_s) / (self.steps * self.step_s)
+        waiting = math.ceil(samples - _ROUNDING)
+        early = max(waiting - samples, 0.0)
         is_same = waiting == self.waiting and early == self.early
         return self if is_same else replace(self, waiting=waiting, early=early)
 
@@ -118,12 +120,5 @@ def pressure_model(actuator: ActuatorParameters, period_s: float, delay_s: float
     step_s = period_s / steps
     converter, fill, vent = (left_of_lag(step_s, lag_s) for lag_s in lags_s)
     most_ma, lag_s = actuator.slew_ma_per_s * step_s, actuator.lag_s(fills=True)
-    waiting, early = _in_samples(actuator.dead_time_s + delay_s, period_s)
-    return PressureModel(delay_s, waiting, early, steps, step_s, lag_s, converter, fill, vent, most_ma)
-
-
-def _in_samples(dead_time_s: float, period_s: float) -> tuple[int, float]:
-    """Return a dead time in samples, rounded up, and the part of a sample by which it is shorter."""
-    samples = dead_time_s / period_s
-    waiting = math.ceil(samples - _ROUNDING)
-    return waiting, max(waiting - samples, 0.0)
+    at_once = PressureModel(delay_s, 0, 0.0, steps, step_s, lag_s, converter, fill, vent, most_ma)
+    return at_once.with_dead_time(actuator.dead_time_s)

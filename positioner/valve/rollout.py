@@ -146,10 +146,12 @@ class Rollout:
         stem = moving.stem
         x, v, is_stuck, direction = stem.position_m, stem.velocity_m_per_s, stem.stuck, stem.direction
         for current_ma, count in runs:
+            earlier = self.pressure.waiting  # steps in which earlier currents act; then nothing else waits
             for _sample in range(count):
                 for _step in range(self.steps):
                     acting_ma, before_ma = current_ma, pressure_ma
-                    if line_ma:
+                    if earlier > 0:
+                        earlier -= 1
                         line_ma, acting_ma = self.pressure.acting(line_ma, current_ma)
                     converter_ma, pressure_ma = self.pressure.under(acting_ma, converter_ma, pressure_ma)
                     x, v, is_stuck, direction = self._moved(

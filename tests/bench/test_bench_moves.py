@@ -36,7 +36,7 @@ QUICK = """
 name = "quick"
 title = "no lag, no noise"
 law = "nmpc"
-setpoints_mm = [73.0, 92.0, 79.0]
+setpoints_mm = [73.0, 87.0, 80.0]
 dwell_s = 0.15
 plant = { preset = "noise-free" }
 """

@@ -69,6 +69,14 @@ def test_a_number_becomes_less_certain_alone() -> None:
     np.testing.assert_array_equal(after, before)
 
 
+def test_a_number_that_is_certain_stays_so_and_one_that_is_not_keeps_some_doubt() -> None:
+    found = gaussian_of((1.0, 2.0), (0.0, 0.5))
+    for _ in range(4):
+        found = found.updated((3.0, 1.0), 0.7, 1e-14)
+    assert (found.mean[0], found.covariance[:3]) == (1.0, (0.0, 0.0, 0.0))
+    assert found.covariance[3] == 1e-10
+
+
 def test_a_number_that_is_another_one_is_independent_of_the_others() -> None:
     after = PRIOR.renewed(1, 3.0, 0.04)
     known, left = matrix(PRIOR), [index for index in range(len(PRIOR.mean)) if index != 1]

@@ -23,7 +23,6 @@ from positioner.valve.gaussian import Gaussian, gaussian_of
 
 if TYPE_CHECKING:
     from positioner.valve.parameters import ValveParameters
-    from positioner.valve.pressure import PressureModel
 
 SPRING, OFFSET, SLIDING, STATIC, LAG, VISCOUS, DEAD_TIME = 0, 1, 2, 3, 4, 5, 6
 """Places of k, c, f_c, f_s, ln τ, ln ν and T_d in the Gaussian: τ is the lag of the rising pressure and a millisecond,
@@ -136,10 +135,6 @@ class ValveBelief:
     def dead_time_s(self) -> float:
         """T_d: how long the pressure waits for a command."""
         return self.numbers.mean[DEAD_TIME]
-
-    def lags(self, model: PressureModel) -> PressureModel:
-        """Return a model of the pressure with the lags and the dead time that are believed."""
-        return model.with_lag(self.lag_s).with_dead_time(self.dead_time_s)
 
     @property
     def is_lag_sure(self) -> bool:

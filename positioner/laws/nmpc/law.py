@@ -140,7 +140,8 @@ class NmpcLaw:
             sent_ma = observation.applied_ma
             pressure = self.plant.actuator.at_rest(sent_ma)
             move = replace(move, level_ma=sent_ma, before_ma=sent_ma, from_ma=sent_ma)
-        model = memory.belief.lags(self.plant.actuator)
+        belief = memory.belief
+        model = self.plant.actuator.with_lag(belief.lag_s).with_dead_time(belief.dead_time_s)
         for _ in range(self.plant.steps * max(1, round(observation.elapsed_s / self.judge.period_s))):
             pressure = model.after(pressure, sent_ma)
         measured_m, elapsed_s = observation.measured_m, observation.elapsed_s

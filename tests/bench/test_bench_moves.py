@@ -42,11 +42,11 @@ plant = { preset = "noise-free" }
 """
 OTHER = """
 name = "other"
-title = "friction 15 % above what the law knows"
+title = "friction 20 % above what the law knows"
 law = "nmpc"
 setpoints_mm = [73.0, 87.0, 80.0, 73.0, 87.0, 80.0]
 dwell_s = 0.15
-plant = { preset = "noise-free", valve = { static_friction_n = 1963.9, coulomb_friction_n = 1636.5 } }
+plant = { preset = "noise-free", valve = { static_friction_n = 2049.2, coulomb_friction_n = 1707.6 } }
 """
 SLOW = """
 name = "slow"

@@ -258,7 +258,7 @@ def test_a_stem_that_ran_into_a_stop_would_have_landed_there_or_beyond() -> None
     expected_ma = belief.landing_ma(stop_m, 1.0)
     after = belief.ran_on(Landing(stop_m, 1.0, expected_ma - 1.5))
     assert expected_ma - 3.6 < after.landing_ma(stop_m, 1.0) < expected_ma - 1.5
-    assert belief.ran_on(Landing(stop_m, 1.0, expected_ma + 4.0)) == belief  # it was to run on
+    assert belief.ran_on(Landing(stop_m, 1.0, expected_ma + 4.0)).numbers == belief.numbers  # it was to run on
     low_ma = belief.landing_ma(0.0, -1.0)
     assert belief.ran_on(Landing(0.0, -1.0, low_ma + 1.5)).landing_ma(0.0, -1.0) > low_ma + 1.5
 
@@ -398,7 +398,7 @@ def test_a_far_setpoint_takes_one_move_and_a_near_one_begins_by_moving_away() ->
 def test_a_correction_is_worth_while_where_it_pays_and_makes_the_error_smaller(
     error_of_span: float, lasts_s: float, tries: int, expected: bool
 ) -> None:
-    belief = belief_of(VALVE)
+    belief = replace(belief_of(VALVE), other=None)
     for place_m, direction in ((0.06, 1.0), (0.1, -1.0), (0.07, 1.0), (0.065, -1.0), (0.095, 1.0)) * 4:
         landing = Landing(place_m, direction, belief_of(VALVE).landing_ma(place_m, direction))
         belief = belief.landed(landing, 1e-12, 0.0)
@@ -789,7 +789,8 @@ def test_friction_that_is_gone_is_no_reason_to_swing() -> None:
     run = run_in_process(played)
     errors = errors_pct(run, played)
 
-    assert 0.1 < max(errors) < 0.6
+    assert 0.1 < sum(errors) / len(errors) < 0.3
+    assert max(errors) < 0.7  # so much is left where a correction would not pay
     moves = [event for event in run.events if isinstance(event, MoveBegan)]
     assert len(moves) < 6 * len(SETPOINTS_MM)
 

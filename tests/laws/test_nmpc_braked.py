@@ -667,8 +667,8 @@ def test_once_a_valve_is_known_a_braked_move_is_several_times_as_fast(lag_s: flo
     braked, plain = (played(scenario(law, lag_s, lag_s))[1:5] for law in ("nmpc", "quasi-static"))
     assert all(settling_s is not None and settling_s < most_s for _, settling_s in braked)
     assert all(error_pct < 0.3 for error_pct, _ in (*braked, *plain))
-    slowest_s = sorted(settling_s or math.inf for _, settling_s in plain)[1]
-    assert slowest_s > 2.0 * most_s
+    slower_s = sorted(settling_s or math.inf for _, settling_s in plain)[2]
+    assert slower_s > 2.0 * most_s
 
 
 @pytest.mark.parametrize("told", [0.6, 1.6])
@@ -748,11 +748,16 @@ def test_where_friction_scatters_errors_are_corrected_where_that_pays() -> None:
 def test_a_way_there_and_back_teaches_the_friction_of_both_directions() -> None:
     # 2 % noise: a setpoint 7 mm below is first approached from below, by way of 20 mm further down
     loop = Loop("nmpc", seed=1, plant={"preset": "paper"})
-    for setpoint_m in (0.073, 0.087):
+    sigmas_m: list[tuple[float, float]] = []
+    for setpoint_m in (0.073, 0.087, 0.08):
         loop.run(1.2, setpoint_m)
-    closing_m = loop.state.control.memory.belief.landing_sigma_m(0.073, -1.0)
-    loop.run(1.2, 0.08)
-    assert loop.state.control.memory.belief.landing_sigma_m(0.073, -1.0) < 0.3 * closing_m
+        believed = loop.state.control.memory.belief
+        beliefs = sorted((believed, believed.other), key=lambda belief: belief.drift)
+        sigmas_m.append(tuple(belief.landing_sigma_m(0.073, -1.0) for belief in beliefs))
+    (configured_before_m, before_m), (configured_m, after_m) = sigmas_m[1:]
+    assert configured_before_m < 0.3 * before_m  # what the hypothesis of the configured valve knows anyway
+    assert after_m < 0.3 * before_m
+    assert configured_m < 0.7 * configured_before_m
     moves = len(loop.events_of(MoveBegan))
     loop.run(1.2, 0.073)
     assert len(loop.events_of(MoveBegan)) == moves + 1  # straight there

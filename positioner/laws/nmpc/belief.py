@@ -10,6 +10,10 @@ p has s (p - k x - c) < f_s = F_s/B. These two lines are all that is measured.
 c holds the bench set and every force that the process adds; a landing far from what was expected is such a force for
 the most part, since spring and friction change slowly, and friction for the rest. Where friction differs from place to
 place, the landings there say so (`local_ma`).
+
+Two hypotheses are held side by side: that the valve is one of those that a configuration may stand for, and that it is
+the configured one. Each observation is a measurement of both, and says how likely it was for either (Bayes factor, Kass
+and Raftery 1995). The first one is believed until the second one is by far more likely.
 """
 
 from __future__ import annotations
@@ -81,6 +85,15 @@ _OTHER, _OTHER_MA, _CERTAINLY = 0.3, 1.0, 2.0
 """A valve with other parameters than configured: by 30 %, the offset by 1 mA, and two σ more than that."""
 _LANDINGS_KEPT = 60
 """After so many their weight is 0.95^60 = 5 %."""
+_CONFIGURED = 6.0
+"""What σ of each number but c and T_d is over, where the valve is the configured one: spring known to 2 %, friction to
+2.5 %, and what a move changes likewise. A force, and what is small beside the lag, are in no configuration."""
+_STRONG, _DECISIVE = 3.0, 5.0
+"""Logarithms of the odds, 20 and 150 to 1, from which on the other hypothesis is believed, and beyond which odds do not
+grow; one of a configured valve is then given up. "Strong" and "very strong" evidence of Kass and Raftery."""
+_OUTLIER, _OUTLIER_MA = 1.0 / 70.0, 0.7
+"""Probability of a surprise, for both hypotheses, and the width of its distribution, that of c: so a single one decides
+nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +110,9 @@ class ValveBelief:
     """The Gaussian over k, c, f_c, f_s (mA/m and mA), ln τ, ln ν and T_d; variance and last ones of landings.
 
     scatter_ma2: variance of a landing; least_scatter_ma2: of one on the best packing. configured: the mean by what the
-    configuration says.
+    configuration says. drift: σ of what a move changes, over that of a valve that may differ from the configured one;
+    less than 1 for the hypothesis that it is that one. other: the other hypothesis, None where it was given up.
+    log_odds: logarithm of its probability over this one's.
     """
 
     numbers: Gaussian
@@ -105,6 +120,9 @@ class ValveBelief:
     configured: tuple[float, ...]
     least_scatter_ma2: float
     landings: tuple[Landing, ...] = ()
+    drift: float = 1.0
+    other: ValveBelief | None = None
+    log_odds: float = 0.0
 
     @property
     def spring_ma_per_m(self) -> float:
@@ -156,7 +174,7 @@ class ValveBelief:
     @property
     def as_configured(self) -> ValveBelief:
         """The configured valve, of which nothing was seen."""
-        return replace(self, numbers=self.numbers.with_mean(self.configured), landings=())
+        return replace(self, numbers=self.numbers.with_mean(self.configured), landings=(), other=None)
 
     @property
     def differs(self) -> bool:
@@ -257,7 +275,22 @@ class ValveBelief:
         """
         offset_ma2, sliding_ma2, static_ma2 = self._changes_ma2()
         numbers = self.numbers.widened(OFFSET, changes * offset_ma2).widened(SLIDING, changes * sliding_ma2)
-        return replace(self, numbers=numbers.widened(STATIC, changes * static_ma2))
+        other = None if self.other is None else self.other.after_move(changes)
+        return replace(self, numbers=numbers.widened(STATIC, changes * static_ma2), other=other)
+
+    def weighed(self, other: ValveBelief, log_factor: float) -> ValveBelief:
+        """Return the hypothesis that is believed after an observation.
+
+        Args:
+            other: the other hypothesis, after that observation.
+            log_factor: logarithm of how likely the observation was for the other one, over how likely for this one.
+        """
+        log_odds, is_general = self.log_odds + log_factor, self.drift == 1.0
+        if log_odds > _STRONG:
+            return replace(other, other=replace(self, other=None), log_odds=max(-log_odds, -_DECISIVE))
+        if is_general and log_odds < -_DECISIVE:
+            return replace(self, other=None)
+        return replace(self, other=other, log_odds=max(log_odds, -_DECISIVE))
 
     def change_m2(self, line: tuple[float, ...]) -> float:
         """Return the variance of a stop by what a move is expected to change; line: its derivatives."""
@@ -271,8 +304,9 @@ class ValveBelief:
 
     def _changes_ma2(self) -> tuple[float, float, float]:
         """Return the variances of what a move is expected to change of c, f_c and f_s."""
-        offset = _OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma
-        sliding, static = (_DRIFT * friction + _DRIFT_MA for friction in (self.sliding_ma, self.static_ma))
+        offset = self.drift * (_OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma)
+        frictions_ma = (self.sliding_ma, self.static_ma)
+        sliding, static = (self.drift * (_DRIFT * friction_ma + _DRIFT_MA) for friction_ma in frictions_ma)
         return offset * offset, sliding * sliding, static * static
 
     def with_lag(self, lag_s: float) -> ValveBelief:
@@ -281,12 +315,13 @@ class ValveBelief:
         dead_time_s = self.configured[DEAD_TIME]
         doubt_s = _dead_time_sigma_s(dead_time_s, lag_s)
         numbers = self.numbers.renewed(LAG, mean, sigma * sigma).renewed(DEAD_TIME, dead_time_s, doubt_s * doubt_s)
-        return replace(self, numbers=numbers)
+        return replace(self, numbers=numbers, other=None if self.other is None else self.other.with_lag(lag_s))
 
     def measured(self, line: tuple[float, ...], value: float, variance: float) -> ValveBelief:
         """Return the belief after a sum of its numbers, weighted by `line`, was measured with this variance."""
         numbers = self.numbers.updated(line, value - self.numbers.expected(line), variance)
-        return replace(self, numbers=self.within(numbers))
+        other = None if self.other is None else self.other.measured(line, value, variance)
+        return replace(self, numbers=self.within(numbers), other=other)
 
     def landed(self, landing: Landing, reading_m2: float, doubt_ma2: float, *, is_force: bool = False) -> ValveBelief:
         """Return the belief after a landing.
@@ -297,6 +332,13 @@ class ValveBelief:
             doubt_ma2: variance of the pressure, beside the scatter of landings.
             is_force: whether nothing but a force can have moved the stem.
         """
+        if self.other is not None:
+            alone = replace(self, other=None).landed(landing, reading_m2, doubt_ma2, is_force=is_force)
+            other = self.other.landed(landing, reading_m2, doubt_ma2, is_force=is_force)
+            log_likelihood, its = (
+                belief.landing_log_likelihood(landing, reading_m2, doubt_ma2) for belief in (self, self.other)
+            )
+            return alone.weighed(other, its - log_likelihood)
         spring = self.spring_ma_per_m
         line = (landing.position_m, 1.0, landing.direction, 0.0)
         innovation_ma = landing.pressure_ma - self.numbers.expected(line)
@@ -314,11 +356,20 @@ class ValveBelief:
         numbers = numbers.updated(line, innovation_ma, noise_ma2 + self.scatter_ma2 + doubt_ma2)
         return replace(self, numbers=self.within(numbers), scatter_ma2=scatter_ma2, landings=landings)
 
+    def landing_log_likelihood(self, landing: Landing, reading_m2: float, doubt_ma2: float) -> float:
+        """Return the logarithm of how likely a landing is; arguments as for `landed`."""
+        spring, line = self.spring_ma_per_m, (landing.position_m, 1.0, landing.direction, 0.0)
+        innovation_ma = landing.pressure_ma - self.numbers.expected(line)
+        total_ma2 = self.numbers.variance(line) + spring * spring * reading_m2 + self.scatter_ma2 + doubt_ma2
+        density = math.exp(-0.5 * innovation_ma * innovation_ma / total_ma2) / math.sqrt(total_ma2)
+        return math.log(density + _OUTLIER / _OUTLIER_MA)
+
     def ran_on(self, landing: Landing) -> ValveBelief:
         """Return the belief after a stem that slid was held by a stop: it would have landed there or beyond."""
         direction = landing.direction
-        line = (-direction * landing.position_m, -direction, -1.0, 0.0)
-        return replace(self, numbers=self._pushed(self.numbers, line, -direction * landing.pressure_ma))
+        line, bound_ma = (-direction * landing.position_m, -direction, -1.0, 0.0), -direction * landing.pressure_ma
+        alone = replace(self, numbers=self._pushed(self.numbers, line, bound_ma))
+        return alone if self.other is None else alone.weighed(self.other.ran_on(landing), self._factor(line, bound_ma))
 
     def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem has not moved under a pressure that pushed in `direction`.
@@ -331,12 +382,31 @@ class ValveBelief:
         numbers, landings, more_ma2 = self.numbers, self.landings, 0.5 * (short_ma * short_ma - known_ma2)
         if short_ma < 0.0 and short_ma * short_ma > _SURPRISE * known_ma2:
             numbers, landings = numbers.widened(OFFSET, more_ma2).widened(STATIC, more_ma2), ()
-        return replace(self, numbers=self._pushed(numbers, line, bound_ma), landings=landings)
+        alone = replace(self, numbers=self._pushed(numbers, line, bound_ma), landings=landings)
+        if self.other is None:
+            return alone
+        return alone.weighed(self.other.held(position_m, direction, pressure_ma), self._factor(line, bound_ma))
 
     def freed(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem that rested was moved by a pressure that pushed in `direction`."""
         line, bound_ma = (-direction * position_m, -direction, 0.0, -1.0), -direction * pressure_ma
-        return replace(self, numbers=self._pushed(self.numbers, line, bound_ma))
+        alone = replace(self, numbers=self._pushed(self.numbers, line, bound_ma))
+        if self.other is None:
+            return alone
+        return alone.weighed(self.other.freed(position_m, direction, pressure_ma), self._factor(line, bound_ma))
+
+    def bound_log_likelihood(self, line: tuple[float, ...], bound_ma: float) -> float:
+        """Return the logarithm of how likely it is that a line is above a bound."""
+        doubt_ma = _BOUND_OF_STATIC * self.static_ma + _BOUND_MA
+        sigma_ma = math.sqrt(self.numbers.variance(line) + self.scatter_ma2 + doubt_ma * doubt_ma)
+        below = (bound_ma - self.numbers.expected(line)) / sigma_ma
+        return math.log(0.5 * math.erfc(below / math.sqrt(2.0)) + _OUTLIER)
+
+    def _factor(self, line: tuple[float, ...], bound_ma: float) -> float:
+        """Return how much likelier it is for the other hypothesis that a line is above a bound, as a logarithm."""
+        if self.other is None:
+            return 0.0
+        return self.other.bound_log_likelihood(line, bound_ma) - self.bound_log_likelihood(line, bound_ma)
 
     def _pushed(self, numbers: Gaussian, line: tuple[float, ...], bound_ma: float) -> Gaussian:
         """Return the numbers after a move has shown that the line is above a bound, where that was not known."""
@@ -374,7 +444,7 @@ def _dead_time_sigma_s(dead_time_s: float, lag_s: float) -> float:
 
 
 def belief_of(valve: ValveParameters) -> ValveBelief:
-    """Return what a configuration says, and how far it may be off."""
+    """Return what a configuration says, and how far it may be off, with the hypothesis that it is right beside it."""
     gain = valve.force_gain_n_per_ma
     spring, offset = valve.spring_rate_n_per_m / gain, valve.bench_set_n / gain
     sliding, static = valve.coulomb_friction_n / gain, valve.static_friction_n / gain
@@ -389,6 +459,10 @@ def belief_of(valve: ValveParameters) -> ValveBelief:
         _dead_time_sigma_s(dead_time_s, lag_s),
     )
     scatter_ma = _SCATTER * sliding + _SCATTER_MA
+    static = max(static, sliding * _LEAST_RATIO + _LEAST_GAP_MA)
     mean = (spring, offset, sliding, static, math.log(lag_s + LEAST_LAG_S), 0.0, dead_time_s)
-    numbers = gaussian_of(mean, sigmas)
-    return ValveBelief(numbers, scatter_ma * scatter_ma, numbers.mean, scatter_ma * scatter_ma)
+    surer = tuple(
+        [sigma if place in (OFFSET, DEAD_TIME) else sigma / _CONFIGURED for place, sigma in enumerate(sigmas)]
+    )
+    belief = ValveBelief(gaussian_of(mean, sigmas), scatter_ma * scatter_ma, mean, scatter_ma * scatter_ma)
+    return replace(belief, other=replace(belief, numbers=gaussian_of(mean, surer), drift=1.0 / _CONFIGURED))

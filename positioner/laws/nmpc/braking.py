@@ -258,7 +258,25 @@ class Braking:
         found = self._study(memory)
         if found is None:
             return replace(memory, braked=replace(memory.braked, way=None))
-        return self._taught_by(memory, found)
+        return self._taught_by(*self._weighed(memory, found))
+
+    def _weighed(self, memory: NmpcMemory, found: Studied) -> tuple[NmpcMemory, Studied]:
+        """Return the memory with the likelier hypothesis, and what the way of a move teaches of it.
+
+        The two are compared at the one fit that explains the way better: the other one may not have converged.
+        """
+        belief, other, study = memory.belief, memory.belief.other, self._study_of(memory)
+        if other is None or study is None:
+            return memory, found
+        others = self._study(replace(memory, belief=other))
+        if others is None or not (found.is_explained or others.is_explained):
+            return memory, found
+        fit = (found if found.left_m2 < others.left_m2 else others).fit
+        believed = belief.weighed(other, study.log_factor(fit, belief.numbers, other.numbers))
+        chosen, left = (found, others) if believed.drift == belief.drift else (others, found)
+        if believed.other is not None and left.is_explained:
+            believed = replace(believed, other=replace(believed.other, numbers=left.numbers))
+        return replace(memory, belief=believed), chosen
 
     def likelier(self, other: NmpcMemory, memory: NmpcMemory) -> NmpcMemory:
         """Return another memory where the way is not explained by this one, or by far better by the other.
@@ -266,7 +284,10 @@ class Braking:
         Else this one returns, with what the way teaches.
         """
         found = self._study(memory)
-        if found is None or not found.is_explained:
+        if found is None:
+            return other
+        memory, found = self._weighed(memory, found)
+        if not found.is_explained:
             return other
         others = self._study(other)
         is_better = others is not None and others.left_m2 < _LIKELIER * found.left_m2
@@ -286,10 +307,18 @@ class Braking:
         is_shown = found.numbers.variances[LAG] < _SHOWN * belief.numbers.variances[LAG]
         return replace(memory, is_lag_known=True, unpushed=None) if is_shown or not memory.is_blind else memory
 
+    def _study_of(self, memory: NmpcMemory) -> Study | None:
+        """Return how the way of a move was seen, None where not all of it was kept."""
+        way, belief, move = memory.braked.way, memory.belief, memory.move
+        if way is None or not way.is_whole:
+            return None
+        local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
+        return Study(self.plant, way, local_ma, self.sensor, stops_m)
+
     def _study(self, memory: NmpcMemory) -> Studied | None:
         """Return what the way of a move teaches, None where the stem has not gone most of it."""
-        way, belief, move, judge = memory.braked.way, memory.belief, memory.move, self.judge
-        if way is None or not way.is_whole:
+        study, belief, move, judge = self._study_of(memory), memory.belief, memory.move, self.judge
+        if study is None:
             return None
         end_m = judge.stem_m(memory)
         least_m = judge.least_m(math.sqrt(memory.position_m2 + move.start_m2))
@@ -297,8 +326,6 @@ class Braking:
         if move.direction * (end_m - move.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return None
         reading_m2 = judge.reading_m2(memory, memory.position_m)
-        local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
-        study = Study(self.plant, way, local_ma, self.sensor, stops_m)
         return study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part)
 
     def _missed(self, memory: NmpcMemory, missed_m: float, line: tuple[float, ...]) -> NmpcMemory:

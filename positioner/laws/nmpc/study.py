@@ -11,6 +11,7 @@ are a measurement z = h(θ) + noise. What is believed of θ is a Gaussian, so θ
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.slip import both_sides, numbers_of
@@ -78,12 +79,22 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
+class Linear:
+    """The rollout of a way, linear around θ: its blocks in m, their derivatives by each number, and their variance."""
+
+    theta: tuple[float, ...]
+    expected: list[float]
+    columns: list[list[float]]
+    variance_m2: float
+
+
+@dataclass(frozen=True, slots=True)
 class Studied:
     """What a way has taught: the numbers, and whether they explain it.
 
     left_m2: mean square of what they leave of the way, beside noise; left_part: over the variance of the rollout, at
     most 1. missed_m: the end of the way less where it was expected before the move; line: how that depends on the
-    numbers.
+    numbers. fit: the way around the numbers that explain it.
     """
 
     numbers: Gaussian
@@ -92,6 +103,7 @@ class Studied:
     left_part: float
     missed_m: float
     line: tuple[float, ...]
+    fit: Linear
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,17 +139,20 @@ class Study:
         """
         noise_m2, own_m = reading_m2 / self.way.size, _OWN_M + _OWN * self._gone_m(end_m)
         own_m2 = own_m * own_m
-        expected, columns = self.blocks(numbers.mean), self._columns(numbers.mean)
-        missed_m, line = end_m - expected[-1], tuple([column[-1] for column in columns])
-        found = within(self._stepped(numbers, numbers.mean, expected, columns, noise_m2 + own_m2))
-        for _ in range(_STEPS - 1):
-            expected, columns = self.blocks(found.mean), self._columns(found.mean)
-            found = within(self._stepped(numbers, found.mean, expected, columns, noise_m2 + own_m2))
-        expected, columns = self.blocks(found.mean), self._columns(found.mean)
-        left_m2 = max(self._left_m2(expected) - noise_m2, 0.0)
+        first = fit = self._linear(numbers, numbers.mean, noise_m2 + own_m2)
+        for _ in range(_STEPS):
+            found = within(self._stepped(numbers, fit)[0])
+            fit = self._linear(numbers, found.mean, noise_m2 + own_m2)
+        left_m2 = max(self._left_m2(fit.expected) - noise_m2, 0.0)
         shown_m2 = min(max(_MORE * left_m2, left_part * own_m2), own_m2)
-        found = within(self._stepped(numbers, found.mean, expected, columns, noise_m2 + shown_m2))
-        return Studied(found, left_m2 < own_m2, left_m2, min(left_m2 / own_m2, 1.0), missed_m, line)
+        fit = replace(fit, variance_m2=noise_m2 + shown_m2)
+        found = within(self._stepped(numbers, fit)[0])
+        missed_m, line = end_m - first.expected[-1], tuple([column[-1] for column in first.columns])
+        return Studied(found, left_m2 < own_m2, left_m2, min(left_m2 / own_m2, 1.0), missed_m, line, fit)
+
+    def log_factor(self, fit: Linear, prior: Gaussian, other: Gaussian) -> float:
+        """Return the logarithm of how likely the way is for another prior of the numbers, over how likely for one."""
+        return self._stepped(other, fit)[1] - self._stepped(prior, fit)[1]
 
     def _gone_m(self, end_m: float) -> float:
         """Return the length of the way, there and back."""
@@ -169,29 +184,29 @@ class Study:
             total_m2 += miss_m * miss_m
         return total_m2 / max(len(expected), 1)
 
-    def _columns(self, theta: tuple[float, ...]) -> list[list[float]]:
-        """Return the derivatives of the blocks by each number, by differences."""
+    def _linear(self, prior: Gaussian, theta: tuple[float, ...], variance_m2: float) -> Linear:
+        """Return the way around θ, with its derivatives by each number that is not certain, by differences."""
+        expected = self.blocks(theta)
         columns = []
-        for place in range(len(theta)):
+        for place, variance in enumerate(prior.variances):
+            if variance == 0.0:
+                columns.append([0.0] * len(expected))
+                continue
             apart, higher, lower = both_sides(theta, place)
             ups, downs = self.blocks(higher), self.blocks(lower)
             columns.append([(up - down) / apart for up, down in zip(ups, downs, strict=True)])
-        return columns
+        return Linear(theta, expected, columns, variance_m2)
 
-    def _stepped(
-        self,
-        prior: Gaussian,
-        theta: tuple[float, ...],
-        expected: list[float],
-        columns: list[list[float]],
-        variance_m2: float,
-    ) -> Gaussian:
-        """Return what is believed after a Gauss-Newton step: the way is linear in θ around `theta`."""
-        numbers, weight = prior, max(1.0, len(expected) / _INDEPENDENT)
-        for block, expected_m in enumerate(expected):
-            line = tuple([column[block] for column in columns])
+    def _stepped(self, prior: Gaussian, fit: Linear) -> tuple[Gaussian, float]:
+        """Return what is believed after a Gauss-Newton step, and the logarithm of how likely the way was before it."""
+        numbers, log_likelihood = prior, 0.0
+        variance_m2 = fit.variance_m2 * max(1.0, len(fit.expected) / _INDEPENDENT)
+        for block, expected_m in enumerate(fit.expected):
+            line = tuple([column[block] for column in fit.columns])
             innovation_m = self.way.sums[block] / self.way.size - expected_m
             for place, slope in enumerate(line):
-                innovation_m += slope * (theta[place] - numbers.mean[place])
-            numbers = numbers.updated(line, innovation_m, variance_m2 * weight)
-        return numbers
+                innovation_m += slope * (fit.theta[place] - numbers.mean[place])
+            total_m2 = numbers.variance(line) + variance_m2
+            log_likelihood -= 0.5 * (innovation_m * innovation_m / total_m2 + math.log(total_m2))
+            numbers = numbers.updated(line, innovation_m, variance_m2)
+        return numbers, log_likelihood

@@ -254,11 +254,11 @@ def test_a_push_that_frees_a_stem_as_it_should_says_nothing_new_however_often() 
 
 
 def test_a_stem_that_ran_into_a_stop_would_have_landed_there_or_beyond() -> None:
-    belief, stop_m = belief_of(VALVE), 0.1397
+    belief, stop_m = replace(belief_of(VALVE), other=None), 0.1397
     expected_ma = belief.landing_ma(stop_m, 1.0)
     after = belief.ran_on(Landing(stop_m, 1.0, expected_ma - 1.5))
     assert expected_ma - 3.6 < after.landing_ma(stop_m, 1.0) < expected_ma - 1.5
-    assert belief.ran_on(Landing(stop_m, 1.0, expected_ma + 4.0)).numbers == belief.numbers  # it was to run on
+    assert belief.ran_on(Landing(stop_m, 1.0, expected_ma + 4.0)) == belief  # it was to run on
     low_ma = belief.landing_ma(0.0, -1.0)
     assert belief.ran_on(Landing(0.0, -1.0, low_ma + 1.5)).landing_ma(0.0, -1.0) > low_ma + 1.5
 
@@ -784,15 +784,17 @@ def test_a_stem_at_its_stop_is_pulled_away_with_a_force_that_grows() -> None:
 
 
 def test_friction_that_is_gone_is_no_reason_to_swing() -> None:
-    valve = {"static_friction_n": 1.0, "coulomb_friction_n": 0.9}
-    played = scenario(4e-3, dwell_s=2.0, plant={"valve": valve})
-    run = run_in_process(played)
-    errors = errors_pct(run, played)
+    valve, errors = {"static_friction_n": 1.0, "coulomb_friction_n": 0.9}, []
+    for seed in (2, 3, 4):
+        played = scenario(4e-3, dwell_s=2.0, seed=seed, plant={"valve": valve})
+        run = run_in_process(played)
+        errors += errors_pct(run, played)
+        moves = [event for event in run.events if isinstance(event, MoveBegan)]
+        assert len(moves) < 6 * len(SETPOINTS_MM)
 
-    assert 0.1 < sum(errors) / len(errors) < 0.3
-    assert max(errors) < 0.7  # so much is left where a correction would not pay
-    moves = [event for event in run.events if isinstance(event, MoveBegan)]
-    assert len(moves) < 6 * len(SETPOINTS_MM)
+    *_, second, largest = sorted(errors)
+    assert 0.1 < second < 0.6
+    assert largest < 0.7  # so much is left where a correction would not pay
 
 
 @settings(max_examples=30, deadline=None)

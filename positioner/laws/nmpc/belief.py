@@ -339,10 +339,7 @@ class ValveBelief:
                 belief.landing_log_likelihood(landing, reading_m2, doubt_ma2) for belief in (self, self.other)
             )
             return alone.weighed(other, its - log_likelihood)
-        spring = self.spring_ma_per_m
-        line = (landing.position_m, 1.0, landing.direction, 0.0)
-        innovation_ma = landing.pressure_ma - self.numbers.expected(line)
-        noise_ma2 = spring * spring * reading_m2
+        line, innovation_ma, noise_ma2 = self._innovation(landing, reading_m2)
         numbers, scatter_ma2, landings = self.numbers, self.scatter_ma2, (*self.landings, landing)[-_LANDINGS_KEPT:]
         known_ma2 = numbers.variance(line) + noise_ma2
         square_ma2, total_ma2 = innovation_ma * innovation_ma, known_ma2 + scatter_ma2 + doubt_ma2
@@ -358,18 +355,21 @@ class ValveBelief:
 
     def landing_log_likelihood(self, landing: Landing, reading_m2: float, doubt_ma2: float) -> float:
         """Return the logarithm of how likely a landing is; arguments as for `landed`."""
-        spring, line = self.spring_ma_per_m, (landing.position_m, 1.0, landing.direction, 0.0)
-        innovation_ma = landing.pressure_ma - self.numbers.expected(line)
-        total_ma2 = self.numbers.variance(line) + spring * spring * reading_m2 + self.scatter_ma2 + doubt_ma2
+        line, innovation_ma, noise_ma2 = self._innovation(landing, reading_m2)
+        total_ma2 = self.numbers.variance(line) + noise_ma2 + self.scatter_ma2 + doubt_ma2
         density = math.exp(-0.5 * innovation_ma * innovation_ma / total_ma2) / math.sqrt(total_ma2)
         return math.log(density + _OUTLIER / _OUTLIER_MA)
+
+    def _innovation(self, landing: Landing, reading_m2: float) -> tuple[tuple[float, ...], float, float]:
+        """Return the line of a landing, by how much its pressure exceeds it, and the variance of that by its place."""
+        spring, line = self.spring_ma_per_m, (landing.position_m, 1.0, landing.direction, 0.0)
+        return line, landing.pressure_ma - self.numbers.expected(line), spring * spring * reading_m2
 
     def ran_on(self, landing: Landing) -> ValveBelief:
         """Return the belief after a stem that slid was held by a stop: it would have landed there or beyond."""
         direction = landing.direction
-        line, bound_ma = (-direction * landing.position_m, -direction, -1.0, 0.0), -direction * landing.pressure_ma
-        alone = replace(self, numbers=self._pushed(self.numbers, line, bound_ma))
-        return alone if self.other is None else alone.weighed(self.other.ran_on(landing), self._factor(line, bound_ma))
+        line = (-direction * landing.position_m, -direction, -1.0, 0.0)
+        return self.above(line, -direction * landing.pressure_ma)
 
     def held(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem has not moved under a pressure that pushed in `direction`.
@@ -385,15 +385,20 @@ class ValveBelief:
         alone = replace(self, numbers=self._pushed(numbers, line, bound_ma), landings=landings)
         if self.other is None:
             return alone
-        return alone.weighed(self.other.held(position_m, direction, pressure_ma), self._factor(line, bound_ma))
+        factor = self.other.bound_log_likelihood(line, bound_ma) - self.bound_log_likelihood(line, bound_ma)
+        return alone.weighed(self.other.held(position_m, direction, pressure_ma), factor)
 
     def freed(self, position_m: float, direction: float, pressure_ma: float) -> ValveBelief:
         """Return the belief after a stem that rested was moved by a pressure that pushed in `direction`."""
-        line, bound_ma = (-direction * position_m, -direction, 0.0, -1.0), -direction * pressure_ma
+        return self.above((-direction * position_m, -direction, 0.0, -1.0), -direction * pressure_ma)
+
+    def above(self, line: tuple[float, ...], bound_ma: float) -> ValveBelief:
+        """Return the belief after a sum of its numbers, weighted by `line`, was seen to be above a bound."""
         alone = replace(self, numbers=self._pushed(self.numbers, line, bound_ma))
         if self.other is None:
             return alone
-        return alone.weighed(self.other.freed(position_m, direction, pressure_ma), self._factor(line, bound_ma))
+        factor = self.other.bound_log_likelihood(line, bound_ma) - self.bound_log_likelihood(line, bound_ma)
+        return alone.weighed(self.other.above(line, bound_ma), factor)
 
     def bound_log_likelihood(self, line: tuple[float, ...], bound_ma: float) -> float:
         """Return the logarithm of how likely it is that a line is above a bound."""
@@ -401,12 +406,6 @@ class ValveBelief:
         sigma_ma = math.sqrt(self.numbers.variance(line) + self.scatter_ma2 + doubt_ma * doubt_ma)
         below = (bound_ma - self.numbers.expected(line)) / sigma_ma
         return math.log(0.5 * math.erfc(below / math.sqrt(2.0)) + _OUTLIER)
-
-    def _factor(self, line: tuple[float, ...], bound_ma: float) -> float:
-        """Return how much likelier it is for the other hypothesis that a line is above a bound, as a logarithm."""
-        if self.other is None:
-            return 0.0
-        return self.other.bound_log_likelihood(line, bound_ma) - self.bound_log_likelihood(line, bound_ma)
 
     def _pushed(self, numbers: Gaussian, line: tuple[float, ...], bound_ma: float) -> Gaussian:
         """Return the numbers after a move has shown that the line is above a bound, where that was not known."""

@@ -15,10 +15,8 @@ from positioner.values import dataclass
 from positioner.wire.messages import Cause
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from positioner.cycle.link import Reading
-    from positioner.cycle.sent import SentCommand
+    from positioner.cycle.sent import SentCommands
     from positioner.wire.formats import FrameFormat
 
 _FEW_CYCLES = 3
@@ -67,16 +65,20 @@ EFFECT_UNKNOWN = CommandEffect()
 
 
 def track_effect(
-    before: CommandEffect, sent: Sequence[SentCommand], reading: Reading, form: FrameFormat, elapsed_s: float
+    before: CommandEffect, sent: SentCommands, reading: Reading, form: FrameFormat, elapsed_s: float
 ) -> CommandEffect:
     """Return the effect after a reading, `elapsed_s` after the last one; `sent` are the newest commands, in `form`.
 
     Before the first command nothing can act, and nothing changes.
     """
-    if not sent:
+    last = sent.last
+    if last is None:
         return before
     named = reading.command_counter if form.counter is not None else None
-    newer, current_ma = (True, sent[-1].current_ma) if named is None else _named(before, sent, named, form)
+    if named is None:
+        newer, current_ma = True, last.current_ma
+    else:
+        newer, current_ma = _named(before, sent, named, form.counter_modulus) or (False, last.current_ma)
     failed = not reading.obeys
     idle = failed or not newer
     idle_cycles = before.idle_cycles + 1 if idle else 0
@@ -93,17 +95,16 @@ def track_effect(
     )
 
 
-def _named(before: CommandEffect, sent: Sequence[SentCommand], echo: int, form: FrameFormat) -> tuple[bool, float]:
-    """Return whether `echo` names a newer command than any before, and the current of the command that it names.
+def _named(before: CommandEffect, sent: SentCommands, echo: int, modulus: int) -> tuple[bool, float] | None:
+    """Return whether `echo` names a newer command than any before, and its current, None if it was never sent.
 
     The echo of a command that was never sent is no information: the last command is then the best guess. An echo that
     stays the same means the same command, however often the counter has wrapped since.
     """
     if echo == before.echo:
         return False, before.echo_ma
-    modulus = form.counter_modulus
-    for command in reversed(sent):
-        if command.counter == echo:
-            ahead = before.echo is None or 2 * ((echo - before.echo) % modulus) <= modulus
-            return ahead and echo != before.named, command.current_ma
-    return False, sent[-1].current_ma
+    command = sent.named(echo, modulus)
+    if command is None:
+        return None
+    is_ahead = before.echo is None or 2 * ((echo - before.echo) % modulus) <= modulus
+    return is_ahead and echo != before.named, command.current_ma

@@ -64,7 +64,7 @@ class Noise:
 
     def is_silent(self, period_s: float) -> bool:
         """Return whether it is noisy and has not changed for longer than its noise allows."""
-        return self.is_noisy and self.repeat_s > self.limit_s(period_s)
+        return self.repeat_s > SILENCE_S and self.is_noisy and self.repeat_s > self.limit_s(period_s)
 
     def add(self, position_m: float, period_s: float, elapsed_s: float, *, at_rest: bool, counts: bool) -> Noise:
         """Return the noise after one more reading, `elapsed_s` after the last; a repeat adds up if it `counts`."""
@@ -91,6 +91,8 @@ class Noise:
         """Return the longest repeat after the present one has ended."""
         if self.shown == 0:
             return self.repeat_s  # no noise so far: the repeats before were not repeats of noise
+        if self.repeat_s <= self.longest_s:
+            return self.longest_s
         if self.is_noisy and self.repeat_s > _LEARNED_OF_LIMIT * self.limit_s(period_s):
             return self.longest_s
-        return max(self.longest_s, self.repeat_s)
+        return self.repeat_s

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from positioner.cycle.alarms import message_of, worst_of
-from positioner.cycle.sent import SentCommand
+from positioner.cycle.sent import NONE_SENT, SentCommand
 from positioner.guard.supervisor import admit
 from positioner.values import replace
 from positioner.wire.loop_current import same_signal
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 _NS = 1_000_000_000
 STATUS_PERIOD_NS = _NS // 10
-_COMMANDS_REMEMBERED = 255
-"""Fewer where their counter wraps sooner: each counter names one command."""
 
 
 def send(
@@ -51,7 +49,8 @@ def _command(
     wanted_ma = decision.current_ma if decision else guard.manual_ma
     current_ma = admit(setup.guard, guard, wanted_ma, last_ma, elapsed_s)
     if current_ma is None:
-        return replace(output, sent=(), paused_ma=output.last_ma if output.sent else output.paused_ma), []
+        paused_ma = output.paused_ma if output.last_ma is None else output.last_ma
+        return replace(output, sent=NONE_SENT, paused_ma=paused_ma), []
     current_ma = inside(setup.codec.field(CurrentCommand, "current_ma"), current_ma, *_limits_ma(setup, guard.mode))
     message = CurrentCommand(
         current_ma=current_ma,
@@ -62,8 +61,7 @@ def _command(
     )
     frame = setup.codec.encode(message, output.command_counter)
     modulus = setup.codec.by_kind[CurrentCommand].counter_modulus
-    newest = SentCommand(output.command_counter % modulus, current_ma)
-    sent = (*output.sent, newest)[-min(_COMMANDS_REMEMBERED, modulus - 1) :]
+    sent = output.sent.with_newest(SentCommand(output.command_counter % modulus, current_ma))
     return replace(output, sent=sent, command_counter=output.command_counter + 1, command_ns=now_ns), [frame]
 
 

@@ -15,11 +15,10 @@ from positioner.values import dataclass, replace
 from positioner.wire.messages import CurrentCommand
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from positioner.cycle.link import Received
-    from positioner.cycle.sent import OutputState, SentCommand
+    from positioner.cycle.sent import OutputState, SentCommands
     from positioner.wire.codec import Codec
+    from positioner.wire.formats import FrameFormat
 
 _DOUBLED_SHARE = 0.75
 """A bus that doubles frames doubles a smaller share of them."""
@@ -47,11 +46,11 @@ def without_own_commands(
     They are kept where so many come back that only a second daemon can have sent them.
     """
     fading = _DOUBLED_SHARE * (output.command_counter - before.sent)
-    excess = max(before.excess - fading, 0.0) if output.sent else 0.0
+    excess = 0.0 if output.sent.last is None else max(before.excess - fading, 0.0)
     if received.guard_input.foreign_command:
-        step_ma = codec.field(CurrentCommand, "current_ma").si_per_bit
+        form = codec.by_kind[CurrentCommand]
         commands = [event for event in received.events if isinstance(event, ForeignCommand)]
-        ours = [event for event in commands if _is_like_ours(event, output.sent, step_ma)]
+        ours = [event for event in commands if _is_like_ours(event, output.sent, form)]
         excess += len(ours)
         removed = ours if excess < _EXCESS else []
         guard_input = replace(
@@ -62,9 +61,8 @@ def without_own_commands(
     return received, ReturnedCommands(excess, output.command_counter)
 
 
-def _is_like_ours(event: ForeignCommand, sent: Sequence[SentCommand], step_ma: float) -> bool:
-    """Return whether the command is like one that we sent; `step_ma` is the resolution of its signal in mA."""
-    return any(
-        each.counter == event.counter and math.isclose(each.current_ma, event.current_ma, abs_tol=step_ma)
-        for each in sent
-    )
+def _is_like_ours(event: ForeignCommand, sent: SentCommands, form: FrameFormat) -> bool:
+    """Return whether the command is like one that we sent, within the resolution of its signal."""
+    ours = None if event.counter is None else sent.named(event.counter, form.counter_modulus)
+    step_ma = form.placed("current_ma").si_per_bit
+    return ours is not None and math.isclose(ours.current_ma, event.current_ma, abs_tol=step_ma)

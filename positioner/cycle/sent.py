@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from positioner.values import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_REMEMBERED = 255
+"""Commands by which a reading may be late; fewer where their counter wraps sooner: each counter names one command."""
+_TOGETHER, _FULL = 16, 16
+"""Commands in a tuple, and how many full ones are kept: one command more copies sixteen of 255, not all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,13 +24,64 @@ class SentCommand:
 
 
 @dataclass(frozen=True, slots=True)
+class SentCommands:
+    """The newest commands: full tuples and the newest ones, each oldest first."""
+
+    full: tuple[tuple[SentCommand, ...], ...] = ()
+    newest: tuple[SentCommand, ...] = ()
+
+    @property
+    def last(self) -> SentCommand | None:
+        """The newest command, None where there is none."""
+        if self.newest:
+            return self.newest[-1]
+        return self.full[-1][-1] if self.full else None
+
+    def with_newest(self, command: SentCommand) -> SentCommands:
+        """Return the commands after one more."""
+        if len(self.newest) < _TOGETHER:
+            return SentCommands(self.full, (*self.newest, command))
+        return SentCommands((*self.full, self.newest)[-_FULL:], (command,))
+
+    def without_newest(self) -> SentCommands:
+        """Return the commands without the last one."""
+        full, newest = (self.full, self.newest) if self.newest else (self.full[:-1], (*self.full, ())[-1])
+        return SentCommands(full, newest[:-1])
+
+    def named(self, counter: int, modulus: int) -> SentCommand | None:
+        """Return the newest command with this counter, None where it is forgotten or was never sent."""
+        left = min(_REMEMBERED, modulus - 1)
+        commands, before = self.newest, len(self.full)
+        while True:
+            for place in range(len(commands) - 1, max(-1, len(commands) - 1 - left), -1):
+                if commands[place].counter == counter:
+                    return commands[place]
+            left -= len(commands)
+            before -= 1
+            if left <= 0 or before < 0:
+                return None
+            commands = self.full[before]
+
+
+NONE_SENT = SentCommands()
+
+
+def commands_of(commands: Iterable[SentCommand]) -> SentCommands:
+    """Return these commands, oldest first."""
+    found = NONE_SENT
+    for command in commands:
+        found = found.with_newest(command)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
 class OutputState:
     """What was sent: the commands since the last pause, counters of the frames, and when the last ones were sent.
 
     paused_ma: the current of the last command before a pause, None where there was none.
     """
 
-    sent: tuple[SentCommand, ...] = ()
+    sent: SentCommands = NONE_SENT
     paused_ma: float | None = None
     command_counter: int = 0
     command_ns: int = 0
@@ -30,4 +91,5 @@ class OutputState:
     @property
     def last_ma(self) -> float | None:
         """The current commanded last, None in a pause and before the first."""
-        return self.sent[-1].current_ma if self.sent else None
+        last = self.sent.last
+        return None if last is None else last.current_ma

@@ -52,7 +52,7 @@ def step(
     state = replace(state)  # this cycle's own copy, which the functions below change in place
     before, now_ns = state.guard, cycle_input.now_ns
     if cycle_input.unsent:
-        state.output = replace(state.output, sent=state.output.sent[:-1])
+        state.output = replace(state.output, sent=state.output.sent.without_newest())
     stall_ns = stall_of(setup.guard, setup.period_s, cycle_input.late_ns, armed=before.arming.armed)
     # decode, receive
     received = _receive(setup, state, cycle_input, stall_ns)

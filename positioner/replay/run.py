@@ -104,10 +104,11 @@ def _cycle_input(cycle: RecordedCycle, state: CycleState) -> CycleInput:
 def _followed(codec: Codec, state: CycleState, cycle: RecordedCycle, outbox: tuple[CanFrame, ...]) -> CycleState:
     """Return the state as if the recorded command had been sent; an equal one needs no change of the state."""
     recorded, computed = command_in(codec, (logged.frame for logged in cycle.outbox)), command_in(codec, outbox)
-    if recorded is None or not state.output.sent:
+    last = state.output.sent.last
+    if recorded is None or last is None:
         return state
     command, counter = recorded
     if computed and (command.current_ma, counter) == (computed[0].current_ma, computed[1]):
         return state
-    sent = SentCommand(state.output.sent[-1].counter if counter is None else counter, command.current_ma)
-    return replace(state, output=replace(state.output, sent=(*state.output.sent[:-1], sent)))
+    sent = SentCommand(last.counter if counter is None else counter, command.current_ma)
+    return replace(state, output=replace(state.output, sent=state.output.sent.without_newest().with_newest(sent)))

@@ -16,6 +16,9 @@ _TAIL = 3.0
 _LEAST_VARIANCE = 1e-10
 """In squares of the numbers' units; no measurement makes a variance smaller, which would be rounding."""
 
+_DEPENDENT = 1e-12
+"""Of the square of a column, what is left of one that depends on those before it: rounding, not a measurement."""
+
 
 @dataclass(frozen=True, slots=True)
 class Gaussian:
@@ -42,6 +45,15 @@ class Gaussian:
     def variances(self) -> tuple[float, ...]:
         """Return the variance of each number."""
         return self.covariance[:: len(self.mean) + 1]
+
+    def is_near(self, place: tuple[float, ...], sigmas: float) -> bool:
+        """Whether each number of the mean is within so many of its σ of a place."""
+        variances = self.variances
+        for index, mean in enumerate(self.mean):
+            apart = mean - place[index]
+            if apart * apart > sigmas * sigmas * variances[index]:
+                return False
+        return True
 
     def widened(self, index: int, variance: float) -> Gaussian:
         """Return the belief in which one number is less certain by this variance."""
@@ -110,6 +122,46 @@ def gaussian_of(mean: tuple[float, ...], sigmas: tuple[float, ...]) -> Gaussian:
     for index, sigma in enumerate(sigmas):
         covariance[index * (count + 1)] = sigma * sigma
     return Gaussian(mean, tuple(covariance))
+
+
+def condensed(columns: list[list[float]], residuals: list[float]) -> tuple[list[tuple[float, ...]], list[float]]:
+    """Return at most n measurements that say of n numbers what many with independent noise of one variance say.
+
+    The many are r = H dθ + noise. With the Cholesky factor HᵀH = L Lᵀ, they say as much as L⁻¹Hᵀr = Lᵀdθ + noise of the
+    same variance, since L⁻¹Hᵀ has orthonormal rows (Golub and Van Loan, Matrix Computations, 5.3).
+
+    Args:
+        columns: of H; one of zeros for a number of which the measurements say nothing.
+        residuals: r.
+
+    Returns:
+        The rows of Lᵀ, and L⁻¹Hᵀr.
+    """
+    lines: list[tuple[float, ...]] = []
+    found: list[float] = []
+    for place, column in enumerate(columns):
+        line = [0.0] * place
+        for other in columns[place:]:
+            line.append(_product(column, other))
+        total, square = _product(column, residuals), line[place]
+        for row, earlier in zip(lines, found, strict=True):
+            total -= row[place] * earlier
+            for index in range(place, len(line)):
+                line[index] -= row[place] * row[index]
+        if line[place] <= _DEPENDENT * square:
+            continue
+        root = math.sqrt(line[place])
+        lines.append(tuple([entry / root for entry in line]))
+        found.append(total / root)
+    return lines, found
+
+
+def _product(left: list[float], right: list[float]) -> float:
+    """Return the scalar product of two vectors."""
+    total = 0.0
+    for index, entry in enumerate(left):
+        total += entry * right[index]
+    return total
 
 
 def _hazard(place: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from positioner.laws.nmpc.belief import DEAD_TIME, OFFSET, SLIDING, SPRING, STATIC, Landing, ValveBelief, belief_of
-from positioner.laws.nmpc.slip import numbers_of
+from positioner.laws.nmpc.slip import both_sides, numbers_of
 from positioner.laws.nmpc.study import Study, Way
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
@@ -115,20 +115,25 @@ def test_the_evidence_of_a_way_is_that_of_a_multivariate_normal_distribution() -
             moving = rollout.after(moving, current_ma)
             way = way.read(current_ma, moving.stem.position_m)
     study = Study(plant, way, 0.0, NO_LAG, (0.0, 0.1397))
-    fit = study.of(belief.numbers, belief.within, moving.stem.position_m, READING_M2, 0.01).fit
+    found = study.of(belief.numbers, belief.within, moving.stem.position_m, READING_M2, 0.01)
+    theta = found.fit.theta
+    blocks = np.array(study.blocks(theta))
+    sides = [both_sides(theta, place) for place in range(7)]
+    columns = [(np.array(study.blocks(up)) - study.blocks(down)) / apart for apart, up, down in sides]
 
     def evidence(numbers: ValveBelief) -> float:
-        jacobian, covariance = np.array(fit.columns).T, np.reshape(numbers.numbers.covariance, (7, 7))
-        read = np.array(way.sums[: len(fit.expected)]) / way.size
-        misses = read - fit.expected + jacobian @ (np.array(fit.theta) - numbers.numbers.mean)
-        noise_m2 = fit.variance_m2 * max(1.0, len(fit.expected) / 6.0)
+        jacobian, covariance = np.array(columns).T, np.reshape(numbers.numbers.covariance, (7, 7))
+        misses = (
+            np.array(way.sums[: len(blocks)]) / way.size - blocks + jacobian @ (np.array(theta) - numbers.numbers.mean)
+        )
+        noise_m2 = found.variance_m2 * max(1.0, len(blocks) / 6.0)
         total = jacobian @ covariance @ jacobian.T + noise_m2 * np.eye(len(misses))
         return float(-0.5 * (misses @ np.linalg.solve(total, misses) + np.linalg.slogdet(total)[1]))
 
     expected = evidence(belief.other) - evidence(belief)
     assert expected > 0.5  # it is the configured valve
-    found = study.log_factor(fit, belief.numbers, belief.other.numbers)
-    assert found == pytest.approx(expected, abs=1e-3)
+    factor = study.log_factor(found, belief.numbers, belief.other.numbers)
+    assert factor == pytest.approx(expected, abs=1e-3)
 
 
 def test_friction_is_surer_for_the_configured_valve_and_a_force_is_not() -> None:

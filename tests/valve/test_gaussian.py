@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from positioner.valve.gaussian import Gaussian, gaussian_of
+from positioner.valve.gaussian import Gaussian, condensed, gaussian_of
 
 PRIOR = Gaussian((150.0, 0.5, 4.0), (100.0, -3.0, 0.5, -3.0, 0.4, 0.02, 0.5, 0.02, 0.3))
 LINE = (0.08, 1.0, -1.0)
@@ -86,3 +86,39 @@ def test_a_number_that_is_another_one_is_independent_of_the_others() -> None:
     assert not matrix(after)[1, left].any()
     assert not matrix(after)[left, 1].any()
     assert [after.mean[index] for index in left] == [PRIOR.mean[index] for index in left]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 70), st.sampled_from([None, 0, 1, 2]), st.booleans())
+def test_condensed_measurements_say_what_all_of_them_say(
+    seed: int, count: int, silent: int | None, dependent: bool
+) -> None:
+    draws = np.random.default_rng(seed)
+    jacobian = draws.normal(size=(count, 3)) * (0.01, 1.0, 0.3)
+    if silent is not None:
+        jacobian[:, silent] = 0.0
+    if dependent:
+        jacobian[:, 2] = -2.0 * jacobian[:, 1]
+    read = draws.normal(size=count)
+    one_by_one = together = PRIOR
+    for line, innovation in zip(jacobian, read, strict=True):
+        left = innovation - line @ (np.array(one_by_one.mean) - PRIOR.mean)
+        one_by_one = one_by_one.updated(tuple(line), float(left), 0.04)
+
+    lines, found = condensed([list(column) for column in jacobian.T], list(read))
+
+    assert len(lines) == np.linalg.matrix_rank(jacobian)
+    for line, innovation in zip(lines, found, strict=True):
+        left = innovation - np.array(line) @ (np.array(together.mean) - PRIOR.mean)
+        together = together.updated(tuple(line), float(left), 0.04)
+    assert together.mean == pytest.approx(one_by_one.mean, rel=1e-6, abs=1e-6)
+    np.testing.assert_allclose(matrix(together), matrix(one_by_one), rtol=1e-6, atol=1e-6)
+
+
+def test_a_place_is_near_within_so_many_sigma_of_each_number() -> None:
+    sigmas = np.sqrt(np.diag(matrix(PRIOR)))
+    for place in range(3):
+        for direction in (-1.0, 1.0):
+            apart = np.array(PRIOR.mean)
+            apart[place] += direction * 0.1 * sigmas[place]
+            assert PRIOR.is_near(tuple(apart), 0.1001)
+            assert not PRIOR.is_near(tuple(apart), 0.0999)

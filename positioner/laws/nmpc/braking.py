@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from positioner.laws.nmpc.programme import StopPlanner
     from positioner.laws.nmpc.slip import SlipPlan
     from positioner.laws.nmpc.stop import Task
-    from positioner.laws.nmpc.study import Studied
+    from positioner.laws.nmpc.study import Linear, Studied
     from positioner.valve.pressure import PressureState
     from positioner.valve.rollout import Plant
     from positioner.valve.sensor import SensorLag
@@ -268,12 +268,14 @@ class Braking:
         belief, other, study = memory.belief, memory.belief.other, self._study_of(memory)
         if other is None or study is None:
             return memory, found
-        others = self._study(replace(memory, belief=other))
+        others = self._study(replace(memory, belief=other), found.fit)
         if others is None or not (found.is_explained or others.is_explained):
             return memory, found
-        fit = (found if found.left_m2 < others.left_m2 else others).fit
-        believed = belief.weighed(other, study.log_factor(fit, belief.numbers, other.numbers))
+        better = found if found.left_m2 < others.left_m2 else others
+        believed = belief.weighed(other, study.log_factor(better, belief.numbers, other.numbers))
         chosen, left = (found, others) if believed.drift == belief.drift else (others, found)
+        if chosen is others:
+            chosen = self._study(replace(memory, belief=other)) or others
         if believed.other is not None and left.is_explained:
             believed = replace(believed, other=replace(believed.other, numbers=left.numbers))
         return replace(memory, belief=believed), chosen
@@ -315,7 +317,7 @@ class Braking:
         local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
         return Study(self.plant, way, local_ma, self.sensor, stops_m)
 
-    def _study(self, memory: NmpcMemory) -> Studied | None:
+    def _study(self, memory: NmpcMemory, near: Linear | None = None) -> Studied | None:
         """Return what the way of a move teaches, None where the stem has not gone most of it."""
         study, belief, move, judge = self._study_of(memory), memory.belief, memory.move, self.judge
         if study is None:
@@ -326,7 +328,7 @@ class Braking:
         if move.direction * (end_m - move.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return None
         reading_m2 = judge.reading_m2(memory, memory.position_m)
-        return study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part)
+        return study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part, near)
 
     def _missed(self, memory: NmpcMemory, missed_m: float, line: tuple[float, ...]) -> NmpcMemory:
         """Return the memory after a stop that was so far from where it was expected; line: its derivatives.

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from positioner.laws.nmpc.slip import both_sides, numbers_of
 from positioner.values import dataclass, replace
+from positioner.valve.gaussian import condensed
 from positioner.valve.rollout import Moving
 from positioner.valve.state import StemState
 
@@ -31,8 +32,8 @@ _BLOCKS = 64
 """Of readings; when they are full, two become one."""
 _MOST_RUNS = 400
 """Changes of the current in one move; a move with more of them is not studied."""
-_STEPS = 3
-"""Gauss-Newton steps; after three the mean no longer changes by more than a tenth of σ."""
+_STEPS, _NEAR = 3, 0.1
+"""Gauss-Newton steps at most, and of σ: a step that changes no number by more is the last one."""
 _OWN_M, _OWN = 0.0005, 0.05
 """σ of the rollout itself: 0.5 mm, and 5 % of the way, for what it does not know (Stribeck friction, flow, forces)."""
 _MORE = 2.0
@@ -80,12 +81,19 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """The rollout of a way, linear around θ: its blocks in m, their derivatives by each number, and their variance."""
+    """The rollout of a way, linear around θ.
+
+    end_m: its last block; line: how that depends on the numbers. square_m2: mean square of what is left of the blocks.
+    lines, left_m: what the blocks measure, in a measurement for each number (`condensed`).
+    """
 
     theta: tuple[float, ...]
-    expected: list[float]
-    columns: list[list[float]]
-    variance_m2: float
+    end_m: float
+    line: tuple[float, ...]
+    blocks: int
+    square_m2: float
+    lines: list[tuple[float, ...]]
+    left_m: list[float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +102,7 @@ class Studied:
 
     left_m2: mean square of what they leave of the way, beside noise; left_part: over the variance of the rollout, at
     most 1. missed_m: the end of the way less where it was expected before the move; line: how that depends on the
-    numbers. fit: the way around the numbers that explain it.
+    numbers. fit: the way around the numbers that explain it; variance_m2: of a block beside it.
     """
 
     numbers: Gaussian
@@ -104,6 +112,7 @@ class Studied:
     missed_m: float
     line: tuple[float, ...]
     fit: Linear
+    variance_m2: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +136,7 @@ class Study:
         end_m: float,
         reading_m2: float,
         left_part: float,
+        near: Linear | None = None,
     ) -> Studied:
         """Return what is believed after a move; a way is explained within σ of the rollout.
 
@@ -136,23 +146,29 @@ class Study:
             end_m: where the stem rests.
             reading_m2: variance of a reading.
             left_part: part of the rollout's variance that is expected to be left of the way.
+            near: the way around numbers with which the search begins, in place of the mean of θ.
         """
         noise_m2, own_m = reading_m2 / self.way.size, _OWN_M + _OWN * self._gone_m(end_m)
         own_m2 = own_m * own_m
-        first = fit = self._linear(numbers, numbers.mean, noise_m2 + own_m2)
+        first = fit = near or self._linear(numbers, numbers.mean)
         for _ in range(_STEPS):
-            found = within(self._stepped(numbers, fit)[0])
-            fit = self._linear(numbers, found.mean, noise_m2 + own_m2)
-        left_m2 = max(self._left_m2(fit.expected) - noise_m2, 0.0)
-        shown_m2 = min(max(_MORE * left_m2, left_part * own_m2), own_m2)
-        fit = replace(fit, variance_m2=noise_m2 + shown_m2)
-        found = within(self._stepped(numbers, fit)[0])
-        missed_m, line = end_m - first.expected[-1], tuple([column[-1] for column in first.columns])
-        return Studied(found, left_m2 < own_m2, left_m2, min(left_m2 / own_m2, 1.0), missed_m, line, fit)
+            found = within(self._stepped(numbers, fit, noise_m2 + own_m2)[0])
+            if found.is_near(fit.theta, _NEAR):
+                break
+            fit = self._linear(numbers, found.mean)
+        left_m2 = max(fit.square_m2 - noise_m2, 0.0)
+        variance_m2 = noise_m2 + min(max(_MORE * left_m2, left_part * own_m2), own_m2)
+        found = within(self._stepped(numbers, fit, variance_m2)[0])
+        missed_m, part = end_m - first.end_m, min(left_m2 / own_m2, 1.0)
+        return Studied(found, left_m2 < own_m2, left_m2, part, missed_m, first.line, fit, variance_m2)
 
-    def log_factor(self, fit: Linear, prior: Gaussian, other: Gaussian) -> float:
-        """Return the logarithm of how likely the way is for another prior of the numbers, over how likely for one."""
-        return self._stepped(other, fit)[1] - self._stepped(prior, fit)[1]
+    def log_factor(self, found: Studied, prior: Gaussian, other: Gaussian) -> float:
+        """Return the logarithm of how likely the way is for another prior of the numbers, over how likely for one.
+
+        Both are compared around the numbers that were found.
+        """
+        fit, variance_m2 = found.fit, found.variance_m2
+        return self._stepped(other, fit, variance_m2)[1] - self._stepped(prior, fit, variance_m2)[1]
 
     def _gone_m(self, end_m: float) -> float:
         """Return the length of the way, there and back."""
@@ -176,15 +192,7 @@ class Study:
                 total_m, filled = 0.0, 0
         return found
 
-    def _left_m2(self, expected: list[float]) -> float:
-        """Return the mean square in m² of what is left of the way, where this was expected of its blocks."""
-        total_m2 = 0.0
-        for block, expected_m in enumerate(expected):
-            miss_m = self.way.sums[block] / self.way.size - expected_m
-            total_m2 += miss_m * miss_m
-        return total_m2 / max(len(expected), 1)
-
-    def _linear(self, prior: Gaussian, theta: tuple[float, ...], variance_m2: float) -> Linear:
+    def _linear(self, prior: Gaussian, theta: tuple[float, ...]) -> Linear:
         """Return the way around θ, with its derivatives by each number that is not certain, by differences."""
         expected = self.blocks(theta)
         columns = []
@@ -195,15 +203,21 @@ class Study:
             apart, higher, lower = both_sides(theta, place)
             ups, downs = self.blocks(higher), self.blocks(lower)
             columns.append([(up - down) / apart for up, down in zip(ups, downs, strict=True)])
-        return Linear(theta, expected, columns, variance_m2)
+        way = self.way
+        left_m = [way.sums[block] / way.size - expected_m for block, expected_m in enumerate(expected)]
+        square_m2 = sum([miss_m * miss_m for miss_m in left_m]) / len(left_m)
+        ends = tuple([column[-1] for column in columns])
+        return Linear(theta, expected[-1], ends, len(expected), square_m2, *condensed(columns, left_m))
 
-    def _stepped(self, prior: Gaussian, fit: Linear) -> tuple[Gaussian, float]:
-        """Return what is believed after a Gauss-Newton step, and the logarithm of how likely the way was before it."""
+    def _stepped(self, prior: Gaussian, fit: Linear, variance_m2: float) -> tuple[Gaussian, float]:
+        """Return what is believed after a Gauss-Newton step, and the logarithm of how likely the way was before it.
+
+        variance_m2: of a block. What all numbers leave of the way is not in that likelihood.
+        """
         numbers, log_likelihood = prior, 0.0
-        variance_m2 = fit.variance_m2 * max(1.0, len(fit.expected) / _INDEPENDENT)
-        for block, expected_m in enumerate(fit.expected):
-            line = tuple([column[block] for column in fit.columns])
-            innovation_m = self.way.sums[block] / self.way.size - expected_m
+        variance_m2 *= max(1.0, fit.blocks / _INDEPENDENT)
+        for line, left_m in zip(fit.lines, fit.left_m, strict=True):
+            innovation_m = left_m
             for place, slope in enumerate(line):
                 innovation_m += slope * (fit.theta[place] - numbers.mean[place])
             total_m2 = numbers.variance(line) + variance_m2

@@ -46,15 +46,6 @@ class Gaussian:
         """Return the variance of each number."""
         return self.covariance[:: len(self.mean) + 1]
 
-    def is_near(self, place: tuple[float, ...], sigmas: float) -> bool:
-        """Whether each number of the mean is within so many of its σ of a place."""
-        variances = self.variances
-        for index, mean in enumerate(self.mean):
-            apart = mean - place[index]
-            if apart * apart > sigmas * sigmas * variances[index]:
-                return False
-        return True
-
     def widened(self, index: int, variance: float) -> Gaussian:
         """Return the belief in which one number is less certain by this variance."""
         covariance = list(self.covariance)

@@ -112,13 +112,3 @@ def test_condensed_measurements_say_what_all_of_them_say(
         together = together.updated(tuple(line), float(left), 0.04)
     assert together.mean == pytest.approx(one_by_one.mean, rel=1e-6, abs=1e-6)
     np.testing.assert_allclose(matrix(together), matrix(one_by_one), rtol=1e-6, atol=1e-6)
-
-
-def test_a_place_is_near_within_so_many_sigma_of_each_number() -> None:
-    sigmas = np.sqrt(np.diag(matrix(PRIOR)))
-    for place in range(3):
-        for direction in (-1.0, 1.0):
-            apart = np.array(PRIOR.mean)
-            apart[place] += direction * 0.1 * sigmas[place]
-            assert PRIOR.is_near(tuple(apart), 0.1001)
-            assert not PRIOR.is_near(tuple(apart), 0.0999)

@@ -33,7 +33,7 @@ _BLOCKS = 64
 _MOST_RUNS = 400
 """Changes of the current in one move; a move with more of them is not studied."""
 _STEPS, _NEAR = 3, 0.1
-"""Gauss-Newton steps at most, and of σ: a step that changes no number by more is the last one."""
+"""Gauss-Newton steps at most, and of σ of the way's blocks: a step that changes the way by less is the last one."""
 _OWN_M, _OWN = 0.0005, 0.05
 """σ of the rollout itself: 0.5 mm, and 5 % of the way, for what it does not know (Stribeck friction, flow, forces)."""
 _MORE = 2.0
@@ -95,6 +95,16 @@ class Linear:
     lines: list[tuple[float, ...]]
     left_m: list[float]
 
+    def change_m2(self, theta: tuple[float, ...]) -> float:
+        """Return the mean square in m² by which other numbers change the blocks."""
+        total_m2 = 0.0
+        for line in self.lines:
+            change_m = 0.0
+            for place, slope in enumerate(line):
+                change_m += slope * (theta[place] - self.theta[place])
+            total_m2 += change_m * change_m
+        return total_m2 / self.blocks
+
 
 @dataclass(frozen=True, slots=True)
 class Studied:
@@ -150,14 +160,18 @@ class Study:
         """
         noise_m2, own_m = reading_m2 / self.way.size, _OWN_M + _OWN * self._gone_m(end_m)
         own_m2 = own_m * own_m
+
+        def seen_m2(fit: Linear) -> float:
+            shown_m2 = max(_MORE * (fit.square_m2 - noise_m2), left_part * own_m2)
+            return noise_m2 + min(shown_m2, own_m2)
+
         first = fit = near or self._linear(numbers, numbers.mean)
         for _ in range(_STEPS):
             found = within(self._stepped(numbers, fit, noise_m2 + own_m2)[0])
-            if found.is_near(fit.theta, _NEAR):
+            if fit.change_m2(found.mean) < _NEAR * _NEAR * seen_m2(fit):
                 break
             fit = self._linear(numbers, found.mean)
-        left_m2 = max(fit.square_m2 - noise_m2, 0.0)
-        variance_m2 = noise_m2 + min(max(_MORE * left_m2, left_part * own_m2), own_m2)
+        left_m2, variance_m2 = max(fit.square_m2 - noise_m2, 0.0), seen_m2(fit)
         found = within(self._stepped(numbers, fit, variance_m2)[0])
         missed_m, part = end_m - first.end_m, min(left_m2 / own_m2, 1.0)
         return Studied(found, left_m2 < own_m2, left_m2, part, missed_m, first.line, fit, variance_m2)

@@ -274,7 +274,7 @@ class Braking:
         better = found if found.left_m2 < others.left_m2 else others
         believed = belief.weighed(other, study.log_factor(better, belief.numbers, other.numbers))
         chosen, left = (found, others) if believed.drift == belief.drift else (others, found)
-        if chosen is others:
+        if chosen is others:  # it began around the other's numbers, and does not say where it had expected the end
             chosen = self._study(replace(memory, belief=other)) or others
         if believed.other is not None and left.is_explained:
             believed = replace(believed, other=replace(believed.other, numbers=left.numbers))

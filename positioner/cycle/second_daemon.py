@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from positioner.cycle.link import Received
     from positioner.cycle.sent import OutputState, SentCommands
     from positioner.wire.codec import Codec
-    from positioner.wire.formats import FrameFormat
 
 _DOUBLED_SHARE = 0.75
 """A bus that doubles frames doubles a smaller share of them."""
@@ -48,9 +47,10 @@ def without_own_commands(
     fading = _DOUBLED_SHARE * (output.command_counter - before.sent)
     excess = 0.0 if output.sent.last is None else max(before.excess - fading, 0.0)
     if received.guard_input.foreign_command:
-        form = codec.by_kind[CurrentCommand]
+        modulus = codec.by_kind[CurrentCommand].counter_modulus
+        step_ma = codec.field(CurrentCommand, "current_ma").si_per_bit
         commands = [event for event in received.events if isinstance(event, ForeignCommand)]
-        ours = [event for event in commands if _is_like_ours(event, output.sent, form)]
+        ours = [event for event in commands if _is_like_ours(event, output.sent, modulus, step_ma)]
         excess += len(ours)
         removed = ours if excess < _EXCESS else []
         guard_input = replace(
@@ -61,8 +61,7 @@ def without_own_commands(
     return received, ReturnedCommands(excess, output.command_counter)
 
 
-def _is_like_ours(event: ForeignCommand, sent: SentCommands, form: FrameFormat) -> bool:
-    """Return whether the command is like one that we sent, within the resolution of its signal."""
-    ours = None if event.counter is None else sent.named(event.counter, form.counter_modulus)
-    step_ma = form.placed("current_ma").si_per_bit
+def _is_like_ours(event: ForeignCommand, sent: SentCommands, modulus: int, step_ma: float) -> bool:
+    """Return whether the command is like one that we sent; `step_ma` is the resolution of its signal in mA."""
+    ours = None if event.counter is None else sent.named(event.counter, modulus)
     return ours is not None and math.isclose(ours.current_ma, event.current_ma, abs_tol=step_ma)

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from positioner.values import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 _REMEMBERED = 255
 """Commands by which a reading may be late; fewer where their counter wraps sooner: each counter names one command."""
@@ -45,33 +40,26 @@ class SentCommands:
 
     def without_newest(self) -> SentCommands:
         """Return the commands without the last one."""
-        full, newest = (self.full, self.newest) if self.newest else (self.full[:-1], (*self.full, ())[-1])
-        return SentCommands(full, newest[:-1])
+        if self.full and not self.newest:
+            return SentCommands(self.full[:-1], self.full[-1][:-1])
+        return SentCommands(self.full, self.newest[:-1])
 
     def named(self, counter: int, modulus: int) -> SentCommand | None:
         """Return the newest command with this counter, None where it is forgotten or was never sent."""
         left = min(_REMEMBERED, modulus - 1)
         commands, before = self.newest, len(self.full)
-        while True:
-            for place in range(len(commands) - 1, max(-1, len(commands) - 1 - left), -1):
+        while left > 0:  # by index, in every cycle: a slice or an iterator costs more than the search
+            for place in range(len(commands) - 1, max(len(commands) - left, 0) - 1, -1):
                 if commands[place].counter == counter:
                     return commands[place]
-            left -= len(commands)
-            before -= 1
-            if left <= 0 or before < 0:
+            if before == 0:
                 return None
+            left, before = left - len(commands), before - 1
             commands = self.full[before]
+        return None
 
 
 NONE_SENT = SentCommands()
-
-
-def commands_of(commands: Iterable[SentCommand]) -> SentCommands:
-    """Return these commands, oldest first."""
-    found = NONE_SENT
-    for command in commands:
-        found = found.with_newest(command)
-    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ def protect(payload: bytes, data_id: int) -> bytes:
 
 def is_intact(data: bytes, data_id: int) -> bool:
     """Return whether the CRC in the first two bytes of `data` fits the rest of it."""
-    return data[0] | data[1] << 8 == crc(data[2:], data_id)
+    return data[:2] == crc(data[2:], data_id).to_bytes(2, "little")
 
 
 class Sequence(Enum):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from positioner.cycle.command_effect import EFFECT_UNKNOWN, CommandEffect, track_effect
 from positioner.cycle.link import Reading
-from positioner.cycle.sent import SentCommand, commands_of
+from positioner.cycle.sent import SentCommand, SentCommands
 from positioner.wire.codec import make_codec
 from positioner.wire.formats import FrameFormat
 from positioner.wire.messages import Cause, CurrentCommand
@@ -29,7 +29,7 @@ def effects_after(echoes: Iterator[tuple[int, bool]], readings: int) -> list[Com
     acting, found = EFFECT_UNKNOWN, []
     commands = tuple(SentCommand(k % 256, 10.0 + 0.001 * k) for k in range(readings))
     for number in range(readings):
-        sent = commands_of(commands[max(0, number - 255) : number])
+        sent = SentCommands(newest=commands[max(0, number - 255) : number])
         echo, obeys = next(echoes)
         acting = track_effect(acting, sent, Reading(0.08, number % 256, echo % 256, 1, obeys), FORM, PERIOD_S)
         found.append(acting)
@@ -80,7 +80,7 @@ def test_what_was_never_sent_and_an_older_command_are_no_sign_of_obedience() -> 
 def test_a_node_without_an_echo_is_believed_to_obey() -> None:
     acting = EFFECT_UNKNOWN
     for number in range(1000):
-        sent = commands_of([SentCommand(number % 256, 10.0)])
+        sent = SentCommands(newest=(SentCommand(number % 256, 10.0),))
         acting = track_effect(acting, sent, Reading(0.08, None, None, 1), FORM, PERIOD_S)
     assert (acting.fault, acting.teaches, acting.current_ma) == (None, True, 10.0)
 
@@ -88,7 +88,7 @@ def test_a_node_without_an_echo_is_believed_to_obey() -> None:
 # one reading at a time
 
 
-SENT = commands_of([SentCommand(3, 10.0), SentCommand(4, 11.0), SentCommand(5, 12.0)])
+SENT = SentCommands(newest=(SentCommand(3, 10.0), SentCommand(4, 11.0), SentCommand(5, 12.0)))
 
 
 def effect(before: CommandEffect, named: int | None, *, obeys: bool = True) -> CommandEffect:
@@ -115,7 +115,7 @@ def test_of_a_node_without_counters_the_last_command_is_believed_to_act() -> Non
 @pytest.mark.parametrize(("step", "newer"), [(1, True), (127, True), (128, True), (129, False), (255, False)])
 def test_a_command_is_newer_up_to_half_of_the_counters_range(step: int, newer: bool) -> None:
     before = CommandEffect(named=0, echo=0, echo_ma=9.0, current_ma=9.0)
-    sent = commands_of([SentCommand(0, 9.0), SentCommand(step, 13.0)])
+    sent = SentCommands(newest=(SentCommand(0, 9.0), SentCommand(step, 13.0)))
     found = track_effect(before, sent, Reading(0.08, 1, step, 1), FORM, PERIOD_S)
     assert (found.idle_cycles == 0) is newer
     assert found.current_ma == 13.0

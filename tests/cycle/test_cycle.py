@@ -22,6 +22,7 @@ from positioner.cycle.events import (
     ModeChanged,
 )
 from positioner.cycle.input import CycleInput
+from positioner.cycle.sent import NONE_SENT
 from positioner.cycle.state import CycleState, Setup
 from positioner.cycle.step import step
 from positioner.cycle.timing_events import LawLate
@@ -497,8 +498,8 @@ def test_disarming_ends_control_and_forgets_the_commands() -> None:
     exchange.sample(setpoint=Setpoint(0.08, HostRequest.ARM))
     assert exchange.state.control.memory is not None
     assert commands(exchange.sample(setpoint=Setpoint(0.08, HostRequest.DISARM))) == []
-    sent = exchange.state.output.sent
-    assert (exchange.state.control.memory, exchange.state.control.stem, sent.last) == (None, None, None)
+    control, sent = exchange.state.control, exchange.state.output.sent
+    assert (control.memory, control.stem, sent) == (None, None, NONE_SENT)
     assert [str(event) for event in exchange.events_of(ModeChanged)] == [
         "mode INIT -> READY (waiting for arm)",
         "mode READY -> ACTIVE (none)",

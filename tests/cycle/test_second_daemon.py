@@ -7,7 +7,7 @@ import pytest
 from positioner.cycle.events import Event, ForeignCommand, FramesLost
 from positioner.cycle.link import LinkState, Received
 from positioner.cycle.second_daemon import NO_RETURNED_COMMANDS, ReturnedCommands, without_own_commands
-from positioner.cycle.sent import OutputState, SentCommand, commands_of
+from positioner.cycle.sent import OutputState, SentCommand, SentCommands
 from positioner.guard.state import GuardInput
 from positioner.wire.codec import make_codec
 from positioner.wire.messages import CurrentCommand
@@ -15,7 +15,7 @@ from positioner.wire.messages import CurrentCommand
 CODEC = make_codec()
 STEP_MA = CODEC.field(CurrentCommand, "current_ma").si_per_bit
 LOST = FramesLost("StemPosition", count=2)
-OUTPUT = OutputState(commands_of([SentCommand(7, 12.0), SentCommand(8, 12.5)]), command_counter=9)
+OUTPUT = OutputState(SentCommands(newest=(SentCommand(7, 12.0), SentCommand(8, 12.5))), command_counter=9)
 
 
 def received(*commands: tuple[int, float]) -> Received:
@@ -90,7 +90,7 @@ def test_twelve_more_than_a_bus_doubles_are_a_second_daemon() -> None:
 def test_one_for_each_of_ours_is_a_second_daemon_after_45_and_every_second_never(every: int, first: int | None) -> None:
     found, before = None, NO_RETURNED_COMMANDS
     for number in range(1, 2000):
-        output = OutputState(commands_of([SentCommand(number % 256, 12.0)]), command_counter=number)
+        output = OutputState(SentCommands(newest=(SentCommand(number % 256, 12.0),)), command_counter=number)
         commands = [(number % 256, 12.0)] if number % every == 0 else []
         kept, before = without(*commands, output=output, before=before)
         if found is None and kept.guard_input.foreign_command:

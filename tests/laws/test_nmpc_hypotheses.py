@@ -132,7 +132,7 @@ def test_the_evidence_of_a_way_is_that_of_a_multivariate_normal_distribution() -
 
     expected = evidence(belief.other) - evidence(belief)
     assert expected > 0.5  # it is the configured valve
-    factor = study.log_factor(found, belief.numbers, belief.other.numbers)
+    factor = found.log_factor(belief.numbers, belief.other.numbers)
     assert factor == pytest.approx(expected, abs=1e-3)
 
 

@@ -18,7 +18,7 @@ from positioner.cycle.counters import Counters
 from positioner.cycle.events import Controlled
 from positioner.cycle.link import FeedbackState, LastSetpoint, LinkState
 from positioner.cycle.plausibility import ReadingHistory
-from positioner.cycle.sent import OutputState, SentCommand, commands_of
+from positioner.cycle.sent import OutputState, SentCommand, SentCommands
 from positioner.cycle.state import CycleState
 from positioner.guard.state import GuardState
 from positioner.health.counters import Counters as Kept
@@ -91,7 +91,7 @@ def busy_state() -> CycleState:
             pressure_pa=150e3,
         ),
         guard=GuardState(mode=Mode.HOLD, cause=Cause.SETPOINT_STALE),
-        output=OutputState(sent=commands_of([SentCommand(7, 12.5)])),
+        output=OutputState(sent=SentCommands(newest=(SentCommand(7, 12.5),))),
         counters=Counters({Counted.LOST: 5}, refused_frames=2, fallbacks=3, learned=300),
         alarms=packed(Health.FAILURE, 1 << 12, 0),
     )

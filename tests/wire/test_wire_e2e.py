@@ -61,6 +61,10 @@ def _syndrome(bit: int) -> int:
     return int.from_bytes(flipped[:2], "little") ^ e2e.crc(flipped[2:], 0) ^ e2e.crc(bytes(6), 0)
 
 
+def test_too_few_bytes_are_not_intact() -> None:
+    assert not any(e2e.is_intact(bytes(length), data_id) for length in (0, 1) for data_id in range(0x10000))
+
+
 def test_no_other_data_id_passes() -> None:
     data = e2e.protect(bytes(range(8)), 0x1F10)
     assert [data_id for data_id in range(0x10000) if e2e.is_intact(data, data_id)] == [0x1F10]

@@ -265,14 +265,14 @@ class Braking:
 
         The two are compared at the one fit that explains the way better: the other one may not have converged.
         """
-        belief, other, study = memory.belief, memory.belief.other, self._study_of(memory)
-        if other is None or study is None:
+        belief, other = memory.belief, memory.belief.other
+        if other is None:
             return memory, found
         others = self._study(replace(memory, belief=other), found.fit)
         if others is None or not (found.is_explained or others.is_explained):
             return memory, found
         better = found if found.left_m2 < others.left_m2 else others
-        believed = belief.weighed(other, study.log_factor(better, belief.numbers, other.numbers))
+        believed = belief.weighed(other, better.log_factor(belief.numbers, other.numbers))
         chosen, left = (found, others) if believed.drift == belief.drift else (others, found)
         if chosen is others:  # it began around the other's numbers, and does not say where it had expected the end
             chosen = self._study(replace(memory, belief=other)) or others
@@ -309,18 +309,10 @@ class Braking:
         is_shown = found.numbers.variances[LAG] < _SHOWN * belief.numbers.variances[LAG]
         return replace(memory, is_lag_known=True, unpushed=None) if is_shown or not memory.is_blind else memory
 
-    def _study_of(self, memory: NmpcMemory) -> Study | None:
-        """Return how the way of a move was seen, None where not all of it was kept."""
-        way, belief, move = memory.braked.way, memory.belief, memory.move
-        if way is None or not way.is_whole:
-            return None
-        local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
-        return Study(self.plant, way, local_ma, self.sensor, stops_m)
-
     def _study(self, memory: NmpcMemory, near: Linear | None = None) -> Studied | None:
         """Return what the way of a move teaches, None where the stem has not gone most of it."""
-        study, belief, move, judge = self._study_of(memory), memory.belief, memory.move, self.judge
-        if study is None:
+        way, belief, move, judge = memory.braked.way, memory.belief, memory.move, self.judge
+        if way is None or not way.is_whole:
             return None
         end_m = judge.stem_m(memory)
         least_m = judge.least_m(math.sqrt(memory.position_m2 + move.start_m2))
@@ -328,6 +320,8 @@ class Braking:
         if move.direction * (end_m - move.start_m) < max(least_m, _MOST_OF_WAY * way_m):
             return None
         reading_m2 = judge.reading_m2(memory, memory.position_m)
+        local_ma, stops_m = belief.local_ma(move.target_m, move.direction), (self.limits.low_m, self.limits.high_m)
+        study = Study(self.plant, way, local_ma, self.sensor, stops_m)
         return study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part, near)
 
     def _missed(self, memory: NmpcMemory, missed_m: float, line: tuple[float, ...]) -> NmpcMemory:

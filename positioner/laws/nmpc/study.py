@@ -105,6 +105,22 @@ class Linear:
             total_m2 += change_m * change_m
         return total_m2 / self.blocks
 
+    def step(self, prior: Gaussian, variance_m2: float) -> tuple[Gaussian, float]:
+        """Return what is believed after a Gauss-Newton step, and the logarithm of how likely the way was before it.
+
+        variance_m2: of a block. What all numbers leave of the way is not in that likelihood.
+        """
+        numbers, log_likelihood = prior, 0.0
+        variance_m2 *= max(1.0, self.blocks / _INDEPENDENT)
+        for line, left_m in zip(self.lines, self.left_m, strict=True):
+            innovation_m = left_m
+            for place, slope in enumerate(line):
+                innovation_m += slope * (self.theta[place] - numbers.mean[place])
+            total_m2 = numbers.variance(line) + variance_m2
+            log_likelihood -= 0.5 * (innovation_m * innovation_m / total_m2 + math.log(total_m2))
+            numbers = numbers.updated(line, innovation_m, variance_m2)
+        return numbers, log_likelihood
+
 
 @dataclass(frozen=True, slots=True)
 class Studied:
@@ -123,6 +139,13 @@ class Studied:
     line: tuple[float, ...]
     fit: Linear
     variance_m2: float
+
+    def log_factor(self, prior: Gaussian, other: Gaussian) -> float:
+        """Return the logarithm of how likely the way is for another prior of the numbers, over how likely for one.
+
+        Both are compared around the numbers that were found.
+        """
+        return self.fit.step(other, self.variance_m2)[1] - self.fit.step(prior, self.variance_m2)[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,27 +185,20 @@ class Study:
         own_m2 = own_m * own_m
 
         def seen_m2(fit: Linear) -> float:
+            """Return the variance of a block, by what is left of the way."""
             shown_m2 = max(_MORE * (fit.square_m2 - noise_m2), left_part * own_m2)
             return noise_m2 + min(shown_m2, own_m2)
 
         first = fit = near or self._linear(numbers, numbers.mean)
         for _ in range(_STEPS):
-            found = within(self._stepped(numbers, fit, noise_m2 + own_m2)[0])
+            found = within(fit.step(numbers, noise_m2 + own_m2)[0])
             if fit.change_m2(found.mean) < _NEAR * _NEAR * seen_m2(fit):
                 break
             fit = self._linear(numbers, found.mean)
         left_m2, variance_m2 = max(fit.square_m2 - noise_m2, 0.0), seen_m2(fit)
-        found = within(self._stepped(numbers, fit, variance_m2)[0])
+        found = within(fit.step(numbers, variance_m2)[0])
         missed_m, part = end_m - first.end_m, min(left_m2 / own_m2, 1.0)
         return Studied(found, left_m2 < own_m2, left_m2, part, missed_m, first.line, fit, variance_m2)
-
-    def log_factor(self, found: Studied, prior: Gaussian, other: Gaussian) -> float:
-        """Return the logarithm of how likely the way is for another prior of the numbers, over how likely for one.
-
-        Both are compared around the numbers that were found.
-        """
-        fit, variance_m2 = found.fit, found.variance_m2
-        return self._stepped(other, fit, variance_m2)[1] - self._stepped(prior, fit, variance_m2)[1]
 
     def _gone_m(self, end_m: float) -> float:
         """Return the length of the way, there and back."""
@@ -222,19 +238,3 @@ class Study:
         square_m2 = sum([miss_m * miss_m for miss_m in left_m]) / len(left_m)
         ends = tuple([column[-1] for column in columns])
         return Linear(theta, expected[-1], ends, len(expected), square_m2, *condensed(columns, left_m))
-
-    def _stepped(self, prior: Gaussian, fit: Linear, variance_m2: float) -> tuple[Gaussian, float]:
-        """Return what is believed after a Gauss-Newton step, and the logarithm of how likely the way was before it.
-
-        variance_m2: of a block. What all numbers leave of the way is not in that likelihood.
-        """
-        numbers, log_likelihood = prior, 0.0
-        variance_m2 *= max(1.0, fit.blocks / _INDEPENDENT)
-        for line, left_m in zip(fit.lines, fit.left_m, strict=True):
-            innovation_m = left_m
-            for place, slope in enumerate(line):
-                innovation_m += slope * (fit.theta[place] - numbers.mean[place])
-            total_m2 = numbers.variance(line) + variance_m2
-            log_likelihood -= 0.5 * (innovation_m * innovation_m / total_m2 + math.log(total_m2))
-            numbers = numbers.updated(line, innovation_m, variance_m2)
-        return numbers, log_likelihood

@@ -260,7 +260,7 @@ GUARDED = positioner/guard/supervisor.py positioner/guard/settings.py positioner
 	positioner/cycle/deviation.py positioner/cycle/full_push.py positioner/cycle/hunting.py positioner/cycle/vain_pushes.py positioner/cycle/counters.py \
 	positioner/wire/e2e.py positioner/wire/window.py positioner/wire/loop_current.py plant_emulator/device.py
 GUARDING = tests/guard/test_guard.py tests/guard/test_guard_tables.py tests/cycle/test_inbox.py tests/cycle/test_plausibility.py \
-	tests/cycle/test_counters.py tests/wire/test_loop_current.py tests/wire/test_wire_e2e.py tests/plant_emulator/test_device.py tests/cycle/test_cycle.py \
+	tests/cycle/test_counters.py tests/wire/test_loop_current.py tests/wire/test_wire_e2e.py tests/plant_emulator/test_device.py tests/cycle/test_cycle.py tests/cycle/test_sent.py \
 	tests/cycle/test_handover.py tests/wire/test_wire_window.py tests/cycle/test_frozen.py tests/cycle/test_deviation.py tests/cycle/test_full_push.py tests/cycle/test_hunting.py tests/cycle/test_vain_pushes.py tests/cycle/test_command_effect.py tests/setpoint/test_setpoint_loop.py \
 	tests/guard/test_stall.py tests/guard/test_ages.py tests/guard/test_arming.py tests/cycle/test_second_daemon.py tests/cycle/test_frame_period.py tests/cycle/test_sample_period.py tests/runtime/test_double_arming.py tests/bus/test_arrivals.py
 

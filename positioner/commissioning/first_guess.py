@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from positioner.commissioning.fit import Prior, fit
+from positioner.commissioning.fit import Beginning, Prior, fits
 from positioner.commissioning.observed import (
     COULOMB,
     DEAD,
@@ -91,20 +91,25 @@ def first_guess(
     seen = stribeck_is_seen(strokes, gain, theta, prior)
     if seen:  # F_c and V_s explain slow strokes nearly alike: several beginnings, too
         starts = [_with_stribeck(start, factor * prior.theta[STRIBECK]) for start in starts for factor in _FACTORS]
-    still = [np.zeros((2, len(each.rest_m))) for each in (strokes, steps)]
-    fits, all_fits = 0, len(starts) + _ROUNDS - 1
-    for _ in range(_ROUNDS):
-        found = []
-        for start in starts:  # without a dead time, and with one: between the two lie hills that no descent crosses
-            held = bound(prior, start, [STATIC] if seen else [STATIC, STRIBECK])
-            found.append(fit([strokes, steps], mass_kg, gain, held, _SCATTER, (start, still), _DONE))
-            fits += 1
-            tell(_DIVIDED_PART + (1.0 - _DIVIDED_PART) * fits / all_fits)
+    still = tuple(np.zeros((2, len(each.rest_m))) for each in (strokes, steps))
+    for number in range(_ROUNDS):
+        # without a dead time, and with one: between the two lie hills that no descent crosses
+        fixed = [STATIC] if seen else [STATIC, STRIBECK]
+        begins = [(bound(prior, start, fixed), Beginning(start, still)) for start in starts]
+        part = (1.0 - _DIVIDED_PART) / _ROUNDS
+        found = fits(
+            [strokes, steps], mass_kg, gain, begins, _SCATTER, _DONE, _told(tell, _DIVIDED_PART + number * part, part)
+        )
         theta = min(found, key=lambda one: one.cost).theta
         for width in _WIDTHS[1:]:
             theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
         starts = [theta]
     return theta, own
+
+
+def _told(tell: Callable[[float], object], begins: float, part: float) -> Callable[[float], object]:
+    """Return what tells a part of a stage that begins at a part of the whole."""
+    return lambda done: tell(begins + part * done)
 
 
 def _with_stribeck(theta: Array, velocity: float) -> Array:

@@ -3,6 +3,9 @@
 Least squares over all readings of all slips at once, by Gauss-Newton with Levenberg's damping. Every slip also has two
 unknowns of its own: where it began, and by how much its friction differs from the mean. Their spread is a part of the
 intervals, so that friction that varies from place to place makes them wider.
+
+Several fits of the same readings, from several beginnings, are made side by side (`fits`): their slips are played in
+one call, since numpy's calls on some seventy numbers cost more than the numbers. Each fit asks for what it needs.
 """
 
 from __future__ import annotations
@@ -23,16 +26,18 @@ from positioner.commissioning.observed import (
     residuals,
     sets_of,
 )
-from positioner.commissioning.slips import play
+from positioner.commissioning.slips import play, substeps_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Generator, Sequence
 
     from numpy.typing import NDArray
 
     from positioner.commissioning.observed import Observed
 
     Array = NDArray[np.float64]
+    Asked = list[tuple[Array, Array]]
+    """Sets whose residuals are needed: for each of the observed θ as (set, parameter), own as (set, 2, slip)."""
 
 _PASSES = 24
 _DONE = 0.05
@@ -61,40 +66,118 @@ class Fitted:
     own: tuple[Array, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """Where a fit begins: θ, and the own unknowns of the slips, (2, slip) for each of the observed."""
+
+    theta: Array
+    own: tuple[Array, ...]
+
+
 def fit(
     observed: Sequence[Observed],
     mass_kg: float,
     gain: float,
     prior: Prior,
     friction_sigma: float,
-    start: tuple[Array, Sequence[Array]] | None = None,
-    done: float = _DONE,
+    start: Beginning | None = None,
     tell: Callable[[float], object] = lambda _part: None,
 ) -> Fitted:
     """Return the parameters that explain the readings best, from `start` or the values of `prior`.
 
-    gain: B in N/mA; friction_sigma: the expected scatter of the friction between slips, as a part of it.
-    start: θ and the own unknowns of the slips; done: it ends where a pass gains less of the cost.
-    tell: receives after each pass the part of all passes that it may take.
+    Args:
+        observed: strokes, breakaways and steps.
+        mass_kg: of the stem.
+        gain: B in N/mA.
+        prior: of the parameters.
+        friction_sigma: the expected scatter of the friction between slips, as a part of it.
+        start: where it begins.
+        tell: receives after each pass the part of all passes that it may take.
     """
-    theta = prior.theta.copy() if start is None else start[0].copy()
-    own = tuple(start[1]) if start else tuple(np.zeros((2, len(each.rest_m))) for each in observed)
+    begins = start or Beginning(prior.theta, tuple(np.zeros((2, len(each.rest_m))) for each in observed))
+    (found,) = fits(observed, mass_kg, gain, [(prior, begins)], friction_sigma, tell=tell)
+    return found
+
+
+def fits(
+    observed: Sequence[Observed],
+    mass_kg: float,
+    gain: float,
+    begins: Sequence[tuple[Prior, Beginning]],
+    friction_sigma: float,
+    done: float = _DONE,
+    tell: Callable[[float], object] = lambda _part: None,
+) -> list[Fitted]:
+    """Return one fit for each prior and beginning, made side by side; arguments as for `fit`.
+
+    done: a fit ends where a pass gains less of its cost.
+    """
+    running = {
+        number: _fitting(observed, gain, prior, start, friction_sigma, done)
+        for number, (prior, start) in enumerate(begins)
+    }
+    asked = {number: next(each) for number, each in running.items()}
+    found: dict[int, Fitted] = {}
+    rounds = 0
+    while asked:
+        tell(min(rounds / (2 * _PASSES), 1.0))
+        rounds += 1
+        answers = _played(observed, mass_kg, gain, asked)
+        for number, answer in answers.items():
+            try:
+                asked[number] = running[number].send(answer)
+            except StopIteration as end:
+                found[number] = end.value
+                del asked[number]
+    return [found[number] for number in range(len(begins))]
+
+
+def _played(
+    observed: Sequence[Observed], mass_kg: float, gain: float, asked: dict[int, Asked]
+) -> dict[int, list[Array]]:
+    """Return the residuals, (sample, set, slip) for each of the observed, that each fit asks for.
+
+    Sets of fits that are integrated alike are played in one call; what they are played beside changes no bit of them.
+    """
+    answers: dict[int, list[Array]] = {number: [] for number in asked}
+    for place, each in enumerate(observed):
+        alike: dict[int, list[int]] = {}
+        for number, sets in asked.items():
+            within = substeps_of(each.slips, sets_of(*sets[place], each, mass_kg, gain))
+            alike.setdefault(within, []).append(number)
+        for numbers in alike.values():
+            thetas, owns = (np.concatenate([asked[number][place][part] for number in numbers]) for part in (0, 1))
+            found = residuals(each, play(each.slips, sets_of(thetas, owns, each, mass_kg, gain)))
+            first = 0
+            for number in numbers:
+                count = len(asked[number][place][0])
+                answers[number].append(np.ascontiguousarray(found[:, first : first + count]))
+                first += count
+    return answers
+
+
+def _fitting(
+    observed: Sequence[Observed], gain: float, prior: Prior, start: Beginning, friction_sigma: float, done: float
+) -> Generator[Asked, list[Array], Fitted]:
+    """Make one fit: yield the sets whose residuals it needs next, receive these, and return what was found."""
+    theta, own = start.theta.copy(), start.own
     changes = least = least_changes(theta, observed, gain)
-    known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma, changes)
-    for number in range(_PASSES):
-        tell(number / _PASSES)
-        trials = []
-        for damping in _DAMPINGS:
-            change = _step(known, theta, damping)
-            trials.append(_moved(theta, own, change, observed))
-        costs = _costs(observed, mass_kg, gain, prior, [trial[0] for trial in trials], trials, friction_sigma)
+    answer = yield _changed(theta, own, changes)
+    known = _normal(observed, answer, prior, theta, own, friction_sigma, changes)
+    for _ in range(_PASSES):
+        trials = [_moved(theta, own, _step(known, theta, damping), observed) for damping in _DAMPINGS]
+        thetas = np.stack([trial[0] for trial in trials])
+        owns = [np.stack([trial[1][number] for trial in trials]) for number in range(len(observed))]
+        answer = yield [(thetas, each) for each in owns]
+        costs = _costs(observed, answer, prior, thetas, owns, friction_sigma)
         best = int(np.nanargmin(costs))
         if not costs[best] < known.cost:
             break
         gained = known.cost - costs[best]
         theta, own = trials[best]
         changes = changes_at(np.diag(known.matrix), theta, least)
-        known = _normal(observed, mass_kg, gain, prior, theta, own, friction_sigma, changes)
+        answer = yield _changed(theta, own, changes)
+        known = _normal(observed, answer, prior, theta, own, friction_sigma, changes)
         if gained < done:
             break
     inverse = _inverse(known.matrix)
@@ -140,23 +223,29 @@ def _scatter(own: Sequence[Array], inverse: Array, before: float) -> float:
     return float(np.sqrt(np.mean(estimates * estimates + left)))
 
 
+def _changed(theta: Array, own: Sequence[Array], changes: Array) -> Asked:
+    """Return θ, and θ with one unknown changed in each set; the unknowns of the slips follow the parameters."""
+    asked, first = [], COUNT
+    for mine in own:
+        asked.append(variants(theta, mine, changes, changes[first : first + mine.size].reshape(-1, 2).T))
+        first += mine.size
+    return asked
+
+
 def _normal(
     observed: Sequence[Observed],
-    mass_kg: float,
-    gain: float,
+    answer: Sequence[Array],
     prior: Prior,
     theta: Array,
     own: Sequence[Array],
     friction_sigma: float,
     changes: Array,
 ) -> _Normal:
-    """Return the normal equations at θ; the unknowns of the slips follow the parameters, two for each slip."""
+    """Return the normal equations at θ, from the residuals of `_changed`; two unknowns for each slip follow θ."""
     total = len(changes)
     matrix, vector, cost, first = np.zeros((total, total)), np.zeros(total), 0.0, COUNT
-    for each, mine in zip(observed, own, strict=True):
+    for each, mine, found in zip(observed, own, answer, strict=True):
         own_changes = changes[first : first + mine.size].reshape(-1, 2).T
-        thetas, owns = variants(theta, mine, changes, own_changes)
-        found = residuals(each, play(each.slips, sets_of(thetas, owns, each, mass_kg, gain)))
         base = found[:, 0, :]
         slopes = found[:, 1:, :] - base[:, None, :]
         slopes[:, :COUNT] /= changes[:COUNT, None]
@@ -224,18 +313,15 @@ def _moved(
 
 def _costs(
     observed: Sequence[Observed],
-    mass_kg: float,
-    gain: float,
+    answer: Sequence[Array],
     prior: Prior,
-    thetas: Sequence[Array],
-    trials: Sequence[tuple[Array, tuple[Array, ...]]],
+    thetas: Array,
+    owns: Sequence[Array],
     friction_sigma: float,
 ) -> Array:
-    """Return the cost of each trial."""
+    """Return the cost of each trial, from its residuals."""
     costs = np.array([float(np.sum((_off(theta, prior) / prior.sigma) ** 2)) for theta in thetas])
-    for number, each in enumerate(observed):
-        own = np.stack([trial[1][number] for trial in trials])
-        found = residuals(each, play(each.slips, sets_of(np.stack(thetas), own, each, mass_kg, gain)))
+    for each, own, found in zip(observed, owns, answer, strict=True):
         costs += np.sum(found * found, axis=(0, 2))
         costs += np.sum((own[:, 0] / each.rest_sigma_m) ** 2 + (own[:, 1] / friction_sigma) ** 2, axis=1)
     return costs

@@ -8,7 +8,7 @@ import numpy as np
 
 from positioner.commissioning.explained import parts_of
 from positioner.commissioning.first_guess import bound, first_guess, stribeck_is_seen
-from positioner.commissioning.fit import Prior, fit, positions_of
+from positioner.commissioning.fit import Beginning, Prior, fit, positions_of
 from positioner.commissioning.identified import IdentifiedValve, Interval
 from positioner.commissioning.noise import noise_of
 from positioner.commissioning.observed import (
@@ -108,12 +108,12 @@ def identify(
         prior.sigma[times] = shown[1]
     scatter = max(_LEAST_SCATTER, 1.48 * float(np.median(np.abs(slips[1]))))
     slips[1] = np.clip(slips[1], -3.0 * scatter, 3.0 * scatter)
-    own: Sequence[Array] = [np.zeros((2, len(slow.rest_m))), slips, np.zeros((2, len(steps.rest_m)))]
+    own: tuple[Array, ...] = (np.zeros((2, len(slow.rest_m))), slips, np.zeros((2, len(steps.rest_m))))
     wrong = np.ones(len(observed))
     for number in range(_ROUNDS):
         believed = [weakened(each, by) for each, by in zip(observed, wrong, strict=True)]
         tell = _part_of(report, *(0.3 + 0.7 * part / _ROUNDS for part in (number, number + 1)))
-        fitted = fit(believed, valve.mass_kg, gain, prior, scatter, (theta, own), tell=tell)
+        fitted = fit(believed, valve.mass_kg, gain, prior, scatter, Beginning(theta, own), tell)
         theta, own, before = fitted.theta, fitted.own, np.array([scatter * scatter, *wrong])
         scatter = max(fitted.friction_sigma, _LEAST_SCATTER)
         played = positions_of(observed, valve.mass_kg, gain, fitted)

@@ -63,11 +63,15 @@ class Candidates:
     friction: Array
 
 
+def substeps_of(slips: Slips, sets: Candidates) -> int:
+    """Return into how many parts a step is divided: with strong damping speed follows friction within microseconds."""
+    return min(max(int(np.median(_damping(sets, _steps_of(slips)[1]))), 1), _MOST_WITHIN)
+
+
 def play(slips: Slips, sets: Candidates) -> Array:
     """Return the position in m at each reading from `begins` on, as an array of (sample, set, slip)."""
     count, period_s = slips.applied_ma.shape[1], slips.period_s
-    steps = max(int(np.ceil(period_s / slips.step_s - 1e-9)), 1)
-    step_s = period_s / steps
+    steps, step_s = _steps_of(slips)
     delay = sets.dead_s / period_s
     whole = np.floor(delay).astype(np.int64)
     late_s = (delay - whole) * period_s
@@ -82,12 +86,9 @@ def play(slips: Slips, sets: Candidates) -> Array:
     static_n, coulomb_n = sets.static_n * sets.friction, sets.coulomb_n * sets.friction
     excess_n = static_n - coulomb_n
     spring, inverse = sets.spring_n_per_m, 1.0 / sets.stribeck_m_per_s
-    viscous = np.maximum(sets.viscous_n_s_per_m, 1e-3)
-    damping = np.minimum(viscous * step_s / sets.mass_kg, _MOST_EXPONENT)
-    # with strong damping the speed follows the friction within microseconds
-    within = min(max(int(np.median(damping)), 1), _MOST_WITHIN)
-    damping, part_s = damping / within, step_s / within
-    fade = np.exp(-damping)
+    viscous, within = np.maximum(sets.viscous_n_s_per_m, 1e-3), substeps_of(slips, sets)
+    part_s = step_s / within
+    fade = np.exp(-_damping(sets, step_s) / within)
     lag_s = (sets.mass_kg / viscous) * (1.0 - fade)
     load_n = sets.preload_n + spring * sets.rest_m
     pressure = np.broadcast_to(slips.applied_ma[:, 0][None, :], load_n.shape).copy()
@@ -139,6 +140,17 @@ def _slid(
     after = final + (speed - final) * fade
     way = way + np.maximum(final * part_s + (speed - final) * lag_s, 0.0) * (goes | (speed > 0.0))
     return way, np.where(goes, np.maximum(after, 0.0), 0.0)
+
+
+def _steps_of(slips: Slips) -> tuple[int, float]:
+    """Return the steps of a period, and their length in s."""
+    steps = max(int(np.ceil(slips.period_s / slips.step_s - 1e-9)), 1)
+    return steps, slips.period_s / steps
+
+
+def _damping(sets: Candidates, step_s: float) -> Array:
+    """Return F_v·t/m of a step, as an array of (set, 1)."""
+    return np.asarray(np.minimum(np.maximum(sets.viscous_n_s_per_m, 1e-3) * step_s / sets.mass_kg, _MOST_EXPONENT))
 
 
 def _decay(time_constant_s: Array, duration_s: float) -> Array:

@@ -13,12 +13,15 @@ from plant_emulator import valve as plant_valve
 from plant_emulator.presets import plant_settings
 from positioner.commissioning.experiment import Experiment
 from positioner.commissioning.explained import BREAKAWAYS, STEPS, STROKES, parts_of
+from positioner.commissioning.fit import Beginning, Prior, fits
 from positioner.commissioning.identify import IdentifyError, identify
-from positioner.commissioning.observed import Observed, excess
+from positioner.commissioning.noise import noise_of
+from positioner.commissioning.observed import PRELOAD, VISCOUS, Observed, excess, sets_of, theta_of
 from positioner.commissioning.pressure import times_of
 from positioner.commissioning.procedure import ProcedureLaw, ProcedureLimits
 from positioner.commissioning.record import Kind
-from positioner.commissioning.slips import Candidates, Slips, play
+from positioner.commissioning.slips import Candidates, Slips, play, substeps_of
+from positioner.commissioning.windows import releases
 from positioner.guard.settings import GuardSettings
 from positioner.laws.law import Observation
 from positioner.studies.identified_plant import experiment_on
@@ -82,6 +85,33 @@ def test_the_fit_finds_spring_friction_lags_dead_time_and_noise(memory: Identify
     assert parts == sorted(parts)
     assert len(parts) > 10
     assert 0.0 < parts[0] < parts[-1] <= 1.0
+
+
+def test_fits_side_by_side_are_those_that_are_made_one_by_one_to_the_bit(memory: IdentifyMemory) -> None:
+    steps = releases(memory.stretches, Kind.STEP, noise_of(memory.stretches), LIMITS, PERIOD_S)
+    assert steps is not None
+    gain, begins, parts = BELIEVED.force_gain_n_per_ma, [], []
+    sigma = np.full(9, 0.3)
+    sigma[PRELOAD] = 300.0
+    for factor in (0.5, 1.0, 20.0):
+        theta = theta_of(BELIEVED)
+        theta[VISCOUS] *= factor
+        own = np.zeros((2, len(steps.rest_m)))
+        begins.append((Prior(theta, sigma), Beginning(theta, (own,))))
+        sets = sets_of(theta[None], own[None], steps, BELIEVED.mass_kg, gain)
+        parts.append(substeps_of(steps.slips, sets))
+    assert len(set(parts)) > 1  # the last one is integrated in shorter steps
+    told: list[float] = []
+    together = fits([steps], BELIEVED.mass_kg, gain, begins, 0.01, 0.5, told.append)
+    assert told[0] == 0.0
+    assert 0.1 < max(told) <= 1.0
+    assert told == sorted(told)
+    for found, begin in zip(together, begins, strict=True):
+        (alone,) = fits([steps], BELIEVED.mass_kg, gain, [begin], 0.01, 0.5)
+        assert found.cost == alone.cost
+        assert np.array_equal(found.theta, alone.theta)
+        assert np.array_equal(found.covariance, alone.covariance)
+    assert len({each.cost for each in together}) == len(begins)
 
 
 @pytest.mark.slow(short="test_a_part_of_the_record_is_explained_within_twice_its_noise_and_a_tenth_of_the_friction")

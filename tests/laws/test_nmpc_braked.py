@@ -481,21 +481,6 @@ def test_the_ways_of_two_moves_show_what_the_valve_is_and_how_sure_that_is() -> 
     assert 0.05 < float(np.mean([nees for nees, *_ in found])) < 7.0  # of seven numbers; the rollout counts as doubtful
 
 
-@pytest.mark.parametrize(("lag_s", "told_s"), [(0.02, 0.0), (0.1, 0.03), (0.1, 0.1)])
-def test_twice_the_friction_is_found_though_whole_steps_would_go_to_and_fro(lag_s: float, told_s: float) -> None:
-    """Of the way, 12 to 19 mm are left by what is configured; with whole steps 3 to 8 mm would be."""
-    told, twice = valve_of(told_s), 2.0 * valve_of(0.0).static_friction_n
-    true = valve_of(lag_s, static_friction_n=twice, coulomb_friction_n=2.0 * told.coulomb_friction_n)
-    plant, belief = plant_of(told, PERIOD_S, 0.0), belief_of(told)
-    stem = EulerValve(true, 0.06, theta_of(true)[0] * 0.06)
-    way = Way(plant.actuator.at_rest(stem.p), stem.x)
-    for level_ma in (6.5, 18.0):
-        for _ in range(400):
-            way = way.read(level_ma, stem.sample(level_ma))
-    found = Study(plant, way, 0.0, NO_LAG, TRAVEL_M).of(belief.numbers, belief.within, stem.x, 1e-10, 0.01)
-    assert math.sqrt(found.fit.square_m2) < 0.0011
-
-
 @pytest.mark.parametrize("area", [0.76, 1.3])
 def test_an_area_that_is_told_wrongly_is_outvoted(area: float) -> None:
     """With another area every force is another current, and m/B is another one."""

@@ -32,9 +32,8 @@ _BLOCKS = 64
 """Of readings; when they are full, two become one."""
 _MOST_RUNS = 400
 """Changes of the current in one move; a move with more of them is not studied."""
-_STEPS, _NEAR, _HALVES = 3, 0.1, 3
-"""Gauss-Newton steps at most, and of σ of the way's blocks: a step that changes the way by less is the last one. A step
-that makes the fit worse is halved, at most so often."""
+_STEPS, _NEAR = 3, 0.1
+"""Gauss-Newton steps at most, and of σ of the way's blocks: a step that changes the way by less is the last one."""
 _OWN_M, _OWN = 0.0005, 0.05
 """σ of the rollout itself: 0.5 mm, and 5 % of the way, for what it does not know (Stribeck friction, flow, forces)."""
 _MORE = 2.0
@@ -191,13 +190,12 @@ class Study:
             shown_m2 = max(_MORE * (fit.square_m2 - noise_m2), left_part * own_m2)
             return noise_m2 + min(shown_m2, own_m2)
 
-        first = fit = near or self._linear(numbers, numbers.mean, self.blocks(numbers.mean))
+        first = fit = near or self._linear(numbers, numbers.mean)
         for _ in range(_STEPS):
             found = within(fit.step(numbers, noise_m2 + own_m2)[0])
             if fit.change_m2(found.mean) < _NEAR * _NEAR * seen_m2(fit):
                 break
-            theta, blocks = self._nearer(fit, found.mean)
-            fit = self._linear(numbers, theta, blocks)
+            fit = self._linear(numbers, found.mean)
         left_m2, variance_m2 = max(fit.square_m2 - noise_m2, 0.0), seen_m2(fit)
         found = within(fit.step(numbers, variance_m2)[0])
         missed_m, part = end_m - first.end_m, min(left_m2 / own_m2, 1.0)
@@ -225,27 +223,9 @@ class Study:
                 total_m, filled = 0.0, 0
         return found
 
-    def _nearer(self, fit: Linear, theta: tuple[float, ...]) -> tuple[tuple[float, ...], list[float]]:
-        """Return θ, or what is half or a quarter as far from a fit where θ leaves more of the way; and its blocks.
-
-        A step across a hill of the rollout, as where another slip begins, else goes to and fro.
-        """
-        blocks = self.blocks(theta)
-        for _ in range(_HALVES):
-            left_m = self._left_m(blocks)
-            if _mean_square(left_m) <= fit.square_m2:
-                break
-            theta = tuple([0.5 * (there + here) for there, here in zip(theta, fit.theta, strict=True)])
-            blocks = self.blocks(theta)
-        return theta, blocks
-
-    def _left_m(self, blocks: list[float]) -> list[float]:
-        """Return what such blocks leave of the readings."""
-        way = self.way
-        return [way.sums[place] / way.size - expected_m for place, expected_m in enumerate(blocks)]
-
-    def _linear(self, prior: Gaussian, theta: tuple[float, ...], expected: list[float]) -> Linear:
-        """Return the way around θ, whose blocks are known, with its derivatives by each number that is not certain."""
+    def _linear(self, prior: Gaussian, theta: tuple[float, ...]) -> Linear:
+        """Return the way around θ, with its derivatives by each number that is not certain, by differences."""
+        expected = self.blocks(theta)
         columns = []
         for place, variance in enumerate(prior.variances):
             if variance == 0.0:
@@ -254,10 +234,8 @@ class Study:
             apart, higher, lower = both_sides(theta, place)
             ups, downs = self.blocks(higher), self.blocks(lower)
             columns.append([(up - down) / apart for up, down in zip(ups, downs, strict=True)])
-        left_m, ends = self._left_m(expected), tuple([column[-1] for column in columns])
-        return Linear(theta, expected[-1], ends, len(expected), _mean_square(left_m), *condensed(columns, left_m))
-
-
-def _mean_square(values: list[float]) -> float:
-    """Return the mean square of values."""
-    return sum([value * value for value in values]) / len(values)
+        way = self.way
+        left_m = [way.sums[block] / way.size - expected_m for block, expected_m in enumerate(expected)]
+        square_m2 = sum([miss_m * miss_m for miss_m in left_m]) / len(left_m)
+        ends = tuple([column[-1] for column in columns])
+        return Linear(theta, expected[-1], ends, len(expected), square_m2, *condensed(columns, left_m))

@@ -95,11 +95,9 @@ def first_guess(
     for number in range(_ROUNDS):
         # without a dead time, and with one: between the two lie hills that no descent crosses
         fixed = [STATIC] if seen else [STATIC, STRIBECK]
-        begins = [(bound(prior, start, fixed), Beginning(start, still)) for start in starts]
-        part = (1.0 - _DIVIDED_PART) / _ROUNDS
-        found = fits(
-            [strokes, steps], mass_kg, gain, begins, _SCATTER, _DONE, _told(tell, _DIVIDED_PART + number * part, part)
-        )
+        begins = [Beginning(bound(prior, start, fixed), start, still) for start in starts]
+        low, high = (_DIVIDED_PART + (1.0 - _DIVIDED_PART) * part / _ROUNDS for part in (number, number + 1))
+        found = fits([strokes, steps], mass_kg, gain, begins, _SCATTER, _DONE, part_of(tell, low, high))
         theta = min(found, key=lambda one: one.cost).theta
         for width in _WIDTHS[1:]:
             theta, own = _aligned(breakaways, mass_kg, gain, theta, width)
@@ -107,9 +105,9 @@ def first_guess(
     return theta, own
 
 
-def _told(tell: Callable[[float], object], begins: float, part: float) -> Callable[[float], object]:
-    """Return what tells a part of a stage that begins at a part of the whole."""
-    return lambda done: tell(begins + part * done)
+def part_of(tell: Callable[[float], object], low: float, high: float) -> Callable[[float], object]:
+    """Return a function that tells the part of a stage, which is the whole from `low` to `high`."""
+    return lambda part: tell(low + (high - low) * part)
 
 
 def _with_stribeck(theta: Array, velocity: float) -> Array:

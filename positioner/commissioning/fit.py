@@ -68,54 +68,34 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Beginning:
-    """Where a fit begins: θ, and the own unknowns of the slips, (2, slip) for each of the observed."""
+    """Where a fit begins: what is known before, θ, and the own unknowns of the slips, (2, slip) for each observed."""
 
+    prior: Prior
     theta: Array
     own: tuple[Array, ...]
-
-
-def fit(
-    observed: Sequence[Observed],
-    mass_kg: float,
-    gain: float,
-    prior: Prior,
-    friction_sigma: float,
-    start: Beginning | None = None,
-    tell: Callable[[float], object] = lambda _part: None,
-) -> Fitted:
-    """Return the parameters that explain the readings best, from `start` or the values of `prior`.
-
-    Args:
-        observed: strokes, breakaways and steps.
-        mass_kg: of the stem.
-        gain: B in N/mA.
-        prior: of the parameters.
-        friction_sigma: the expected scatter of the friction between slips, as a part of it.
-        start: where it begins.
-        tell: receives after each pass the part of all passes that it may take.
-    """
-    begins = start or Beginning(prior.theta, tuple(np.zeros((2, len(each.rest_m))) for each in observed))
-    (found,) = fits(observed, mass_kg, gain, [(prior, begins)], friction_sigma, tell=tell)
-    return found
 
 
 def fits(
     observed: Sequence[Observed],
     mass_kg: float,
     gain: float,
-    begins: Sequence[tuple[Prior, Beginning]],
+    begins: Sequence[Beginning],
     friction_sigma: float,
     done: float = _DONE,
     tell: Callable[[float], object] = lambda _part: None,
 ) -> list[Fitted]:
-    """Return one fit for each prior and beginning, made side by side; arguments as for `fit`.
+    """Return for each beginning the parameters that explain the readings best; the fits are made side by side.
 
-    done: a fit ends where a pass gains less of its cost.
+    Args:
+        observed: strokes, breakaways and steps.
+        mass_kg: of the stem.
+        gain: B in N/mA.
+        begins: where the fits begin.
+        friction_sigma: the expected scatter of the friction between slips, as a part of it.
+        done: a fit ends where a pass gains less of its cost.
+        tell: receives before each half of a pass the part of all passes that are made at most.
     """
-    running = {
-        number: _fitting(observed, gain, prior, start, friction_sigma, done)
-        for number, (prior, start) in enumerate(begins)
-    }
+    running = {number: _fitting(observed, gain, begin, friction_sigma, done) for number, begin in enumerate(begins)}
     asked = {number: next(each) for number, each in running.items()}
     found: dict[int, Fitted] = {}
     rounds = 0
@@ -157,10 +137,10 @@ def _played(
 
 
 def _fitting(
-    observed: Sequence[Observed], gain: float, prior: Prior, start: Beginning, friction_sigma: float, done: float
+    observed: Sequence[Observed], gain: float, begin: Beginning, friction_sigma: float, done: float
 ) -> Generator[Asked, list[Array], Fitted]:
     """Make one fit: yield the sets whose residuals it needs next, receive these, and return what was found."""
-    theta, own = start.theta.copy(), start.own
+    prior, theta, own = begin.prior, begin.theta, begin.own
     changes = least = least_changes(theta, observed, gain)
     answer = yield _changed(theta, own, changes)
     known = _normal(observed, answer, prior, theta, own, friction_sigma, changes)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from positioner.commissioning.explained import parts_of
-from positioner.commissioning.first_guess import bound, first_guess, stribeck_is_seen
-from positioner.commissioning.fit import Beginning, Prior, fit, positions_of
+from positioner.commissioning.first_guess import bound, first_guess, part_of, stribeck_is_seen
+from positioner.commissioning.fit import Beginning, Prior, fits, positions_of
 from positioner.commissioning.identified import IdentifiedValve, Interval
 from positioner.commissioning.noise import noise_of
 from positioner.commissioning.observed import (
@@ -97,7 +97,7 @@ def identify(
     gain, prior = valve.force_gain_n_per_ma, _prior(valve)
     report(0.05)
     theta, slips = first_guess(
-        slow, ramps, steps, valve.mass_kg, gain, prior, RAMP_MA_PER_S, _part_of(report, 0.05, 0.3)
+        slow, ramps, steps, valve.mass_kg, gain, prior, RAMP_MA_PER_S, part_of(report, 0.05, 0.3)
     )
     if not stribeck_is_seen(slow, gain, theta, prior):
         prior = bound(prior, prior.theta, [STRIBECK])
@@ -112,8 +112,9 @@ def identify(
     wrong = np.ones(len(observed))
     for number in range(_ROUNDS):
         believed = [weakened(each, by) for each, by in zip(observed, wrong, strict=True)]
-        tell = _part_of(report, *(0.3 + 0.7 * part / _ROUNDS for part in (number, number + 1)))
-        fitted = fit(believed, valve.mass_kg, gain, prior, scatter, Beginning(theta, own), tell)
+        tell = part_of(report, *(0.3 + 0.7 * part / _ROUNDS for part in (number, number + 1)))
+        begins = [Beginning(prior, theta, own)]
+        (fitted,) = fits(believed, valve.mass_kg, gain, begins, scatter, tell=tell)
         theta, own, before = fitted.theta, fitted.own, np.array([scatter * scatter, *wrong])
         scatter = max(fitted.friction_sigma, _LEAST_SCATTER)
         played = positions_of(observed, valve.mass_kg, gain, fitted)
@@ -127,11 +128,6 @@ def identify(
     misfits = float(total[0] / total[1]), float(squares[-1, 0] / squares[-1, 1])
     parts = parts_of(observed, played, float(theta[COULOMB] / theta[SPRING]))
     return _result(fitted, misfits, parts, observed, noise, valve, limits, period_s)
-
-
-def _part_of(report: Callable[[float], object], low: float, high: float) -> Callable[[float], object]:
-    """Return a function that reports the part of a stage, which is the whole from `low` to `high`."""
-    return lambda part: report(low + (high - low) * part)
 
 
 def _excess(observed: Observed, off: Array) -> float:

@@ -97,7 +97,7 @@ def test_fits_side_by_side_are_those_that_are_made_one_by_one_to_the_bit(memory:
         theta = theta_of(BELIEVED)
         theta[VISCOUS] *= factor
         own = np.zeros((2, len(steps.rest_m)))
-        begins.append((Prior(theta, sigma), Beginning(theta, (own,))))
+        begins.append(Beginning(Prior(theta, sigma), theta, (own,)))
         sets = sets_of(theta[None], own[None], steps, BELIEVED.mass_kg, gain)
         parts.append(substeps_of(steps.slips, sets))
     assert len(set(parts)) > 1  # the last one is integrated in shorter steps

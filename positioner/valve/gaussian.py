@@ -52,6 +52,14 @@ class Gaussian:
         covariance[index * (len(self.mean) + 1)] += variance
         return Gaussian(self.mean, tuple(covariance))
 
+    def changed(self, spread: tuple[float, ...]) -> Gaussian:
+        """Return the belief in which all numbers have changed together, each by so many σ of one unknown cause."""
+        count, covariance = len(self.mean), list(self.covariance)
+        for row in range(count):
+            for column in range(count):
+                covariance[row * count + column] += spread[row] * spread[column]
+        return Gaussian(self.mean, tuple(covariance))
+
     def renewed(self, index: int, mean: float, variance: float) -> Gaussian:
         """Return the belief in which one number is another one, of which the others say nothing."""
         count = len(self.mean)

@@ -24,7 +24,7 @@ from positioner.laws.nmpc.kept import lesson_of, taught
 from positioner.laws.nmpc.landing import inertia_m
 from positioner.laws.nmpc.law import NmpcLaw
 from positioner.laws.nmpc.memory import Move, NmpcMemory
-from positioner.laws.nmpc.move import Limits, Stage, Stem, Step, boost_samples, is_worth_it, steps_to
+from positioner.laws.nmpc.move import Limits, Stage, Stem, Step, boost_samples, can_follow, is_worth_it, steps_to
 from positioner.laws.nmpc.rest import NO_REST, Noise, Rest
 from positioner.values import replace
 from positioner.valve.actuator import ActuatorParameters
@@ -287,6 +287,44 @@ def test_a_stem_that_did_not_move_has_more_static_friction_than_the_push() -> No
     assert after.static_ma > belief.static_ma
     assert after.jump_m > belief.jump_m
     assert belief.held(0.08, 1.0, belief.balance_ma(0.08) + 0.2 * STATIC) is not None
+
+
+def test_packing_that_wears_changes_static_friction_as_well_as_sliding_friction() -> None:
+    belief = replace(belief_of(VALVE), other=None)
+    for place, variance in enumerate(belief.numbers.variances):  # a valve that is known
+        belief = replace(belief, numbers=belief.numbers.widened(place, -0.9999 * variance))
+    for number in range(1, 61):
+        sliding_ma, direction = (1.0 + 0.005 * number) * SLIDING, 1.0 if number % 2 else -1.0
+        landing = Landing(0.08, direction, SPRING * 0.08 + direction * sliding_ma)
+        belief = belief.after_move().landed(landing, 1e-10, 0.0)
+    assert belief.sliding_ma == pytest.approx(1.3 * SLIDING, rel=0.02)
+    assert belief.static_ma == pytest.approx(1.3 * STATIC, rel=0.03)
+
+
+def test_landings_of_before_weigh_less_after_each_move_also_where_none_has_landed_since() -> None:
+    belief = replace(belief_of(VALVE), other=None)
+    for _ in range(4):
+        belief = belief.landed(Landing(0.0725, 1.0, SPRING * 0.0725 + SLIDING), 1e-10, 0.0)
+    belief = replace(belief, numbers=belief.numbers.with_mean((SPRING, 0.0, SLIDING - 0.1, STATIC, -7.0, 0.0, 0.0)))
+    new_ma = belief.local_ma(0.0725, 1.0)
+    for _ in range(40):
+        belief = belief.after_move()
+    left = 4.0 * 0.95**40
+    assert new_ma == pytest.approx(0.1 * 4.0 / 4.3, rel=1e-6)
+    assert belief.local_ma(0.0725, 1.0) == pytest.approx(0.1 * left / (left + 0.3), rel=1e-6)
+
+
+def test_a_move_to_where_friction_is_less_begins_where_its_level_frees_the_stem() -> None:
+    belief = replace(belief_of(VALVE), other=None)
+    landings = tuple(Landing(0.08, 1.0, belief.landing_ma(0.08, 1.0) - 0.3) for _ in range(6))
+    belief, landed = replace(belief, landings=landings), 0
+    for here_m in np.linspace(0.05, 0.0795, 60).tolist():
+        *away, land = steps_to(belief, LIMITS, here_m, 0.08, 1.0)
+        if land.direction > 0.0:
+            begins_m, landed = (away[0].target_m if away else here_m), landed + 1
+            assert belief.landing_ma(0.08, 1.0) > belief.freeing_ma(begins_m, 1.0)
+            assert not can_follow(belief, 0.08 - 1.1 * belief.jump_m - 0.5 * belief.jump_doubt_m, land, 1.0)
+    assert 20 < landed <= 60
 
 
 def test_friction_of_a_place_is_learned_there_and_not_elsewhere() -> None:

@@ -31,6 +31,14 @@ def test_a_measurement_is_that_of_the_kalman_filter() -> None:
     np.testing.assert_allclose(matrix(after), p - np.outer(gain, h @ p), atol=1e-12)
 
 
+def test_numbers_that_one_cause_changes_change_together() -> None:
+    spread = (0.0, 0.1, -0.3)
+    after = PRIOR.changed(spread)
+    np.testing.assert_allclose(matrix(after), matrix(PRIOR) + np.outer(spread, spread), rtol=1e-12)
+    assert after.mean == PRIOR.mean
+    assert after.updated((0.0, 1.0, 0.0), 0.1, 1e-9).mean[2] < PRIOR.updated((0.0, 1.0, 0.0), 0.1, 1e-9).mean[2]
+
+
 @given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0)), min_size=1, max_size=30))
 def test_a_covariance_stays_symmetric_and_positive(measurements: list[tuple[float, float]]) -> None:
     belief = PRIOR

@@ -39,6 +39,8 @@ follows at once."""
 _DOUBT_LAG, _DOUBT_SEEN_LAG, _DOUBT_VISCOUS = 0.12, 0.3, 0.3
 """σ of a lag over itself: a configured one is as sure as a spring; one that the area of a move has shown is up to 20 %
 wrong, and 10 % by noise (`lag`). σ of ln ν: viscous friction is seldom measured."""
+_DOUBT_OTHER_LAG = 0.35
+"""σ of ln τ where the lag is another one than configured: half of it and twice are 2 σ."""
 _DOUBT_DEAD_TIME = 0.05
 """σ of T_d over the lag, beside 12 % of a configured one: what is not configured of converter, volumes and sensor acts
 so much later. Where it was not doubted, stops of braked moves behind 100 ms and a dead time of 5 ms that nobody has
@@ -46,7 +48,7 @@ told were all 0.3 to 1 % of span too far (DESIGN.md, "A dead time that is not co
 _LAG_SURE, _ROUNDING = 0.1, 1e-9
 """σ over itself of a lag that is sure; of an exponential and a logarithm, less than any lag in s."""
 _MOST_LOG = 0.7
-"""Of ln τ from one belief to the next, and of ln ν: half or twice."""
+"""Of ln τ from one belief to the next, where two σ are not more, and of ln ν: half or twice."""
 
 _DOUBT_SPRING = 0.12
 """σ of k over k: a configured spring rate and a configured area are each within 20 %, evenly: 0.2/√3 = 0.115 each."""
@@ -80,11 +82,11 @@ _NEAR_M = 0.004
 _PLAIN = 0.3
 """How many landings at the same place the friction of the whole valve is worth there."""
 _AGED = 0.95
-"""What each later landing leaves of the weight of one."""
+"""What each later move leaves of the weight of one."""
 _OTHER, _OTHER_MA, _CERTAINLY = 0.3, 1.0, 2.0
 """A valve with other parameters than configured: by 30 %, the offset by 1 mA, and two σ more than that."""
 _LANDINGS_KEPT = 60
-"""After so many their weight is 0.95^60 = 5 %."""
+"""The newest ones: two in a way to a setpoint, so the oldest weighs at most 0.95^30, a fifth."""
 _CONFIGURED = 6.0
 """What σ of each number but c and T_d is over, where the valve is the configured one: spring known to 2 %, friction to
 2.5 %, and what a move changes likewise. A force, and what is small beside the lag, are in no configuration."""
@@ -98,11 +100,15 @@ nothing."""
 
 @dataclass(frozen=True, slots=True)
 class Landing:
-    """Where a stem came to rest after it slid in a direction (±1), and the pressure in mA that held it there."""
+    """Where a stem came to rest after it slid in a direction (±1), and the pressure in mA that held it there.
+
+    weight: what later moves have left of it, since friction changes.
+    """
 
     position_m: float
     direction: float
     pressure_ma: float
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,13 +243,12 @@ class ValveBelief:
 
     def local_ma(self, position_m: float, direction: float) -> float:
         """Return how much more pressure the last landings near a place took than the whole valve does."""
-        weights, more_ma, age = 0.0, 0.0, 1.0
+        weights, more_ma = 0.0, 0.0
         for landing in reversed(self.landings):
             if landing.direction != direction:
                 continue
             apart = (landing.position_m - position_m) / _NEAR_M
-            weight = age * math.exp(-0.5 * apart * apart)
-            age *= _AGED
+            weight = landing.weight * math.exp(-0.5 * apart * apart)
             weights += weight
             plain_ma = self.balance_ma(landing.position_m) + direction * self.sliding_ma
             more_ma += weight * (landing.pressure_ma - plain_ma)
@@ -273,10 +278,12 @@ class ValveBelief:
 
         changes: what the variance of that was found to be, over what is expected.
         """
-        offset_ma2, sliding_ma2, static_ma2 = self._changes_ma2()
-        numbers = self.numbers.widened(OFFSET, changes * offset_ma2).widened(SLIDING, changes * sliding_ma2)
+        offset_ma, sliding_ma, static_ma = (math.sqrt(changes) * sigma_ma for sigma_ma in self._changes_ma())
+        friction = (0.0, 0.0, sliding_ma, static_ma, 0.0, 0.0, 0.0)
+        numbers = self.numbers.widened(OFFSET, offset_ma * offset_ma).changed(friction)
+        landings = tuple(replace(landing, weight=_AGED * landing.weight) for landing in self.landings)
         other = None if self.other is None else self.other.after_move(changes)
-        return replace(self, numbers=numbers.widened(STATIC, changes * static_ma2), other=other)
+        return replace(self, numbers=numbers, landings=landings, other=other)
 
     def weighed(self, other: ValveBelief, log_factor: float) -> ValveBelief:
         """Return the hypothesis that is believed after an observation.
@@ -294,20 +301,22 @@ class ValveBelief:
 
     def change_m2(self, line: tuple[float, ...]) -> float:
         """Return the variance of a stop by what a move is expected to change; line: its derivatives."""
-        offset_ma2, sliding_ma2, static_ma2 = self._changes_ma2()
-        return line[1] * line[1] * offset_ma2 + line[2] * line[2] * sliding_ma2 + line[3] * line[3] * static_ma2
+        offset_ma, sliding_ma, static_ma = self._changes_ma()
+        by_offset_m, by_friction_m = line[1] * offset_ma, line[2] * sliding_ma + line[3] * static_ma
+        return by_offset_m * by_offset_m + by_friction_m * by_friction_m
 
     @property
     def roams_ma2_per_m(self) -> float:
         """How fast friction is expected to change on the way: a first-order process over the travel (`_NEAR_M`)."""
-        return 2.0 * self._changes_ma2()[1] / _NEAR_M
+        sliding_ma = self._changes_ma()[1]
+        return 2.0 * sliding_ma * sliding_ma / _NEAR_M
 
-    def _changes_ma2(self) -> tuple[float, float, float]:
-        """Return the variances of what a move is expected to change of c, f_c and f_s."""
-        offset = self.drift * (_OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma)
+    def _changes_ma(self) -> tuple[float, float, float]:
+        """Return σ of what a move is expected to change of c, f_c and f_s; worn packing changes both frictions."""
+        offset_ma = self.drift * (_OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma)
         frictions_ma = (self.sliding_ma, self.static_ma)
-        sliding, static = (self.drift * (_DRIFT * friction_ma + _DRIFT_MA) for friction_ma in frictions_ma)
-        return offset * offset, sliding * sliding, static * static
+        sliding_ma, static_ma = (self.drift * (_DRIFT * friction_ma + _DRIFT_MA) for friction_ma in frictions_ma)
+        return offset_ma, sliding_ma, static_ma
 
     def with_lag(self, lag_s: float) -> ValveBelief:
         """Return the belief in another lag, which a move has shown, with the configured dead time."""
@@ -316,6 +325,11 @@ class ValveBelief:
         doubt_s = _dead_time_sigma_s(dead_time_s, lag_s)
         numbers = self.numbers.renewed(LAG, mean, sigma * sigma).renewed(DEAD_TIME, dead_time_s, doubt_s * doubt_s)
         return replace(self, numbers=numbers, other=None if self.other is None else self.other.with_lag(lag_s))
+
+    def of_any_lag(self) -> ValveBelief:
+        """Return the belief in a lag that may be another one than configured."""
+        numbers = self.numbers.widened(LAG, _DOUBT_OTHER_LAG * _DOUBT_OTHER_LAG)
+        return replace(self, numbers=numbers, other=None, drift=1.0)
 
     def measured(self, line: tuple[float, ...], value: float, variance: float) -> ValveBelief:
         """Return the belief after a sum of its numbers, weighted by `line`, was measured with this variance."""
@@ -418,7 +432,8 @@ class ValveBelief:
         """Return the numbers with a mean that a valve may have."""
         spring, offset, sliding, static, lag, viscous, dead_time_s = numbers.mean
         before, viscous = self.numbers.mean[LAG], min(max(viscous, -_MOST_LOG), _MOST_LOG)
-        lag = min(max(lag, before - _MOST_LOG, math.log(LEAST_LAG_S)), before + _MOST_LOG)
+        most = max(_MOST_LOG, _CERTAINLY * math.sqrt(self.numbers.variances[LAG]))
+        lag = min(max(lag, before - most, math.log(LEAST_LAG_S)), before + most)
         configured = self.configured[SPRING]
         spring = min(max(spring, _LEAST_SPRING * configured), _MOST_SPRING * configured)
         sliding = max(sliding, 0.0)

@@ -53,6 +53,9 @@ _SHOWN, _LIKELIER = 0.5, 0.5
 what another one leaves that is believed instead: six independent blocks say that it is eight times as likely."""
 _TOLERANCE, _WORTH = 0.5, 2.0
 """A braked correction needs no way there and back: it is made at half the tolerance, and beyond two of its σ."""
+_HALVED = 0.5
+"""Of its way: a stop that misses by more has not halved the error. A correction must exceed two σ of its stop, so none
+is made again at this setpoint that is planned without a way there and back."""
 _FRICTION = 0.15
 """Of F_s: what misses make the track doubt of static friction is at most what a configured one is doubted."""
 _LEAST_PART = 0.0004
@@ -94,8 +97,7 @@ class Braking:
     def aimed(self, memory: NmpcMemory, setpoint_m: float) -> NmpcMemory:
         """Return the memory at a new setpoint."""
         braked = memory.braked
-        planned_m2, reading_m2 = _FORGIVEN * braked.planned_m2, _FORGIVEN * braked.reading_m2
-        braked = replace(braked, planned_m2=planned_m2, reading_m2=reading_m2)
+        braked = replace(braked, planned=_FORGIVEN * braked.planned, reading_m2=_FORGIVEN * braked.reading_m2)
         return self.prepared(replace(memory, braked=braked), setpoint_m)
 
     def taught(self, memory: NmpcMemory) -> NmpcMemory:
@@ -134,7 +136,8 @@ class Braking:
     def plan(self, memory: NmpcMemory, setpoint_m: float) -> tuple[SlipPlan, float] | None:
         """Return the braked move to a setpoint and σ of its stop in m, None where there is none that is sure.
 
-        After a push in vain there is none: a quasi-static one says how strong a push the stem needs.
+        After a push in vain there is none: a quasi-static one says how strong a push the stem needs. Nor is one planned
+        before a way has shown the lag: a push that was too short for it would be taken for one that friction has held.
         """
         pressure, belief, start_m = memory.pressure, memory.belief, self.judge.stem_m(memory)
         if pressure is None or memory.failed > 0 or start_m == setpoint_m:
@@ -147,12 +150,12 @@ class Braking:
         if found is None:
             return None
         variance_m2 = belief.numbers.variance(found.line)
-        sigma_m = math.sqrt(variance_m2 + memory.position_m2 + self._planned_m2(memory))
+        sigma_m = math.sqrt(variance_m2 + memory.position_m2 + self._planned_m2(memory, setpoint_m - start_m))
         if self._may_read(memory) and found.boosted >= found.stop.freed + self._seen_after(memory):
             read_m = math.sqrt(memory.braked.reading_m2)
             if read_m < sigma_m:
                 return replace(found, by_reading=True), read_m
-        return (found, sigma_m) if sigma_m <= _SURE * span_m else None
+        return (found, sigma_m) if sigma_m <= _SURE * span_m and self.knows_lag(memory) else None
 
     def _task(
         self, belief: ValveBelief, pressure: PressureState, start_m: float, target_m: float, before_ma: float
@@ -178,10 +181,10 @@ class Braking:
         samples: float = (_SEEN * self.judge.noise_m(memory) / (acceleration * period_s * period_s)) ** 0.4
         return 1 + math.ceil(samples + self.judge.valve.sensor_time_constant_s / period_s)
 
-    def _planned_m2(self, memory: NmpcMemory) -> float:
-        """Return the variance of a planned stop, beside what is not known of the valve."""
+    def _planned_m2(self, memory: NmpcMemory, way_m: float) -> float:
+        """Return the variance of a planned stop at the end of a way, beside what is not known of the valve."""
         least_m = _OWN * self.judge.valve.span_m
-        return max(memory.braked.planned_m2, least_m * least_m)
+        return max(memory.braked.planned * way_m * way_m, least_m * least_m)
 
     def is_worth_it(self, memory: NmpcMemory, setpoint_m: float) -> bool:
         """Whether a braked move corrects an error that was just seen."""
@@ -206,7 +209,7 @@ class Braking:
         task, belief = plan.task, memory.belief
         push_ma2 = belief.numbers.variance((task.target_m, 1.0, task.direction, 0.0)) + belief.scatter_ma2
         static_ma2 = belief.numbers.variance((task.start_m, 1.0, 0.0, task.direction)) + belief.scatter_ma2
-        missed_m2, most_ma = self._planned_m2(memory), _FRICTION * belief.static_ma
+        missed_m2, most_ma = self._planned_m2(memory, task.target_m - task.start_m), _FRICTION * belief.static_ma
         static_ma2 += missed_m2 / max(plan.line[3] * plan.line[3], missed_m2 / (most_ma * most_ma))
         moving = Moving(task.pressure, StemState(task.start_m, 0.0, True, task.direction))
         roams_ma2_per_m = memory.braked.roams * belief.roams_ma2_per_m
@@ -258,7 +261,21 @@ class Braking:
         found = self._study(memory)
         if found is None:
             return replace(memory, braked=replace(memory.braked, way=None))
-        return self._taught_by(*self._weighed(memory, found))
+        return self._taught_by(*self._other_lag(*self._weighed(memory, found)))
+
+    def _other_lag(self, memory: NmpcMemory, found: Studied) -> tuple[NmpcMemory, Studied]:
+        """Return the memory of another lag than configured where it explains the way of a move by far better.
+
+        That is asked until a way has shown the lag. Later on friction has been believed that makes up for a wrong lag.
+        """
+        way, reading_m2 = memory.braked.way, self.judge.reading_m2(memory, memory.position_m)
+        if way is None or memory.is_lag_known or found.left_m2 * way.size < reading_m2:
+            return memory, found
+        belief = memory.belief.of_any_lag()
+        others = self._study(replace(memory, belief=belief))
+        if others is None or not others.is_explained or others.left_m2 > _LIKELIER * found.left_m2:
+            return memory, found
+        return replace(memory, belief=belief), others
 
     def _weighed(self, memory: NmpcMemory, found: Studied) -> tuple[NmpcMemory, Studied]:
         """Return the memory with the likelier hypothesis, and what the way of a move teaches of it.
@@ -299,8 +316,8 @@ class Braking:
         """Return the memory with what the way of a move has taught."""
         belief = memory.belief
         memory = replace(memory, braked=replace(memory.braked, way=None))
-        memory = self._missed(memory, found.missed_m, found.line)
-        braked = memory.braked.missed(math.sqrt(found.left_m2), by_reading=False)
+        memory = self._missed(memory, found)
+        braked = memory.braked.missed(math.sqrt(found.left_m2), found.gone_m, by_reading=False)
         left_part = braked.left_part + _NEWEST * (found.left_part - braked.left_part)
         memory = replace(memory, braked=replace(braked, left_part=max(left_part, _LEAST_PART)))
         if not found.is_explained:
@@ -324,30 +341,36 @@ class Braking:
         study = Study(self.plant, way, local_ma, self.sensor, stops_m)
         return study.of(belief.numbers, belief.within, end_m, reading_m2, memory.braked.left_part, near)
 
-    def _missed(self, memory: NmpcMemory, missed_m: float, line: tuple[float, ...]) -> NmpcMemory:
-        """Return the memory after a stop that was so far from where it was expected; line: its derivatives.
+    def _missed(self, memory: NmpcMemory, found: Studied) -> NmpcMemory:
+        """Return the memory after a stop that was so far from where it was expected.
 
         The part of its variance that changes from move to move is scaled by what is seen of it (Mehra 1972).
         """
-        belief, braked, own_m2, square_m2 = memory.belief, memory.braked, self._planned_m2(memory), missed_m * missed_m
+        belief, braked, line, square_m2 = memory.belief, memory.braked, found.line, found.missed_m * found.missed_m
+        way_m = max(found.gone_m - memory.move.direction * found.missed_m, abs(found.missed_m))  # as it was expected
+        own_m2 = self._planned_m2(memory, way_m)
         known_m2 = belief.numbers.variance(line) + memory.position_m2 + memory.move.start_m2
         total_m2, planned_m2 = known_m2 + own_m2, _after_miss(own_m2, square_m2, known_m2)
         part = min(braked.changes * belief.change_m2(line) / total_m2, 1.0)
         changes = _scaled(braked.changes, part, square_m2 / total_m2)
-        return replace(memory, braked=replace(braked, planned_m2=planned_m2, changes=changes))
+        planned, slip = planned_m2 / (way_m * way_m), memory.move.slip
+        if slip is None or slip.by_reading:  # a stop that was not planned is no reason to trust planned ones
+            planned = max(planned, braked.planned)
+        return replace(memory, braked=replace(braked, planned=planned, changes=changes))
 
     def slipped(self, memory: NmpcMemory, plan: SlipPlan) -> NmpcMemory:
         """Return the memory with what the stop of a braked move teaches."""
         move, belief, position_m = memory.move, memory.belief, self.judge.stem_m(memory)
         moved_m, sigma_m = position_m - move.start_m, math.sqrt(memory.position_m2 + move.start_m2)
+        way_m = move.target_m - move.start_m
         track = memory.braked.track
         if move.direction * moved_m <= self.judge.least_m(sigma_m):
             if self.limits.holds(position_m, move.direction):
                 return memory
-            braked = memory.braked.missed(move.target_m - move.start_m, by_reading=plan.by_reading)
+            braked = memory.braked.missed(way_m, way_m, by_reading=plan.by_reading)
             memory = replace(memory, failed=memory.failed + 1, braked=braked)
             has_not_slid = track is None or track.has_not_slid
-            would_show = abs(move.target_m - move.start_m) > _VISIBLE * self.judge.least_m(sigma_m)
+            would_show = abs(way_m) > _VISIBLE * self.judge.least_m(sigma_m)
             if abs(moved_m) < self.judge.least_m(sigma_m) and has_not_slid and would_show:
                 return memory.held(belief.held(position_m, move.direction, plan.stop.peak_ma))
             return memory
@@ -358,9 +381,10 @@ class Braking:
         missed_m = position_m - move.target_m
         if plan.by_reading:
             return self._read_stop(memory, missed_m)
-        known_m2 = belief.numbers.variance(plan.line) + memory.position_m2 + move.start_m2 + self._planned_m2(memory)
-        if missed_m * missed_m > _SURPRISE * known_m2:
-            return replace(memory, braked=memory.braked.missed(missed_m, by_reading=False))
+        known_m2 = belief.numbers.variance(plan.line) + sigma_m * sigma_m + self._planned_m2(memory, way_m)
+        is_halved = abs(missed_m) < _HALVED * abs(way_m) + CERTAIN * sigma_m
+        if not is_halved or missed_m * missed_m > _SURPRISE * known_m2:
+            return replace(memory, braked=memory.braked.missed(missed_m, way_m, by_reading=False))
         return memory
 
     def _read_stop(self, memory: NmpcMemory, missed_m: float) -> NmpcMemory:

@@ -60,13 +60,15 @@ class Move:
 class Braked:
     """What braked moves carry.
 
-    planned_m2, reading_m2: variance of stops that are planned, and of those that are braked by reading. from_m: how far
-    away from the setpoint the latter begin, upwards and downwards; 0 where none is made. changes, roams: variance by
-    which forces and friction change from move to move, and friction on the way, over what is expected; left_part: of
-    the rollout's variance, what is left of ways, at first a tenth of its σ. way: of the move; track: of a braked one.
+    planned: variance of stops that are planned, over the square of their way, at most 1: where long ways miss by a
+    tenth of them, short ones do so, too. reading_m2: variance of stops that are braked by reading.
+    from_m: how far away from the setpoint these begin, upwards and downwards; 0 where none is made. changes, roams:
+    variance by which forces and friction change from move to move, and friction on the way, over what is expected;
+    left_part: of the rollout's variance, what is left of ways, at first a tenth of its σ. way: of the move; track: of a
+    braked one.
     """
 
-    planned_m2: float = 0.0
+    planned: float = 0.0
     reading_m2: float = 0.0
     from_m: tuple[float, float] = (0.0, 0.0)
     changes: float = 1.0
@@ -79,12 +81,12 @@ class Braked:
         """Return σ of a stop that is braked by reading at the end of a way in a direction, infinite where none is."""
         return math.sqrt(self.reading_m2) if self.from_m[direction < 0.0] > 0.0 else math.inf
 
-    def missed(self, missed_m: float, *, by_reading: bool) -> Braked:
-        """Return this after a stop that was so far from its place that nothing else is to be learned of it."""
+    def missed(self, missed_m: float, way_m: float, *, by_reading: bool) -> Braked:
+        """Return this after a stop at the end of a way that was so far from its place that it teaches nothing else."""
         square_m2 = missed_m * missed_m
         if by_reading:
             return replace(self, reading_m2=max(self.reading_m2, square_m2))
-        return replace(self, planned_m2=max(self.planned_m2, square_m2))
+        return replace(self, planned=max(self.planned, min(square_m2 / (way_m * way_m), 1.0)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,11 +132,12 @@ def steps_to(
     least = math.inf
     jump_m, doubt_m, missed_m = belief.jump_m, belief.jump_doubt_m, _MISSED * (limits.high_m - limits.low_m)
     for direction, least_m in zip((1.0, -1.0), from_m, strict=True):
-        begins_m = max((through + _AWAY) * jump_m + doubt_m + _MORE_M, least_m)
+        weaker_m = _weaker_m(belief, setpoint_m, direction)
+        begins_m = max((through + _AWAY) * jump_m + doubt_m + weaker_m + _MORE_M, least_m)
         land = Step(Stage.LAND, setpoint_m, direction)
         excess = _BEYOND * limits.excess_ma(belief.landing_ma(setpoint_m, direction))
         distance_m = direction * (setpoint_m - position_m)
-        if distance_m > (through + _FAR) * jump_m + doubt_m:
+        if distance_m > (through + _FAR) * jump_m + doubt_m + weaker_m:
             steps, way = (land,), distance_m + excess
         else:
             away_m = setpoint_m - direction * begins_m
@@ -196,7 +197,13 @@ def waits_s(number: int, *, moves: bool) -> float:
 
 def can_follow(belief: ValveBelief, position_m: float, step: Step, through: float) -> bool:
     """Return whether a move that begins at a place is long enough for the stem to stop at its target."""
-    return step.direction * (step.target_m - position_m) > through * belief.jump_m + 0.5 * belief.jump_doubt_m
+    least_m = through * belief.jump_m + 0.5 * belief.jump_doubt_m + _weaker_m(belief, step.target_m, step.direction)
+    return step.direction * (step.target_m - position_m) > least_m
+
+
+def _weaker_m(belief: ValveBelief, target_m: float, direction: float) -> float:
+    """Return how much farther away a move must begin, since friction near its target is less than the valve's."""
+    return max(-direction * belief.local_ma(target_m, direction) / belief.spring_ma_per_m, 0.0)
 
 
 def margin_m(belief: ValveBelief) -> float:

@@ -58,6 +58,8 @@ _DOUBT_FRICTION, _FRICTION_MA = 0.15, 0.03
 """σ of F_s and F_c over each, and the smallest one, of 0.2 % of the signal."""
 _DRIFT, _DRIFT_MA, _OFFSET_DRIFT_MA = 0.01, 0.003, 0.02
 """σ of what a move changes: 1 % of the friction (it scatters so much from stop to stop), and 0.02 mA of the offset."""
+_COMMON = 0.5
+"""Of the variance of such changes, what F_s and F_c have in common: packing wears for both, and each scatters."""
 _SCATTER, _SCATTER_MA = 0.005, 0.01
 """σ of a landing on the best packing: 0.5 % of F_c and a hundredth of a mA."""
 _SURPRISE, _IS_FRICTION = 6.0, 0.1
@@ -279,9 +281,11 @@ class ValveBelief:
         changes: what the variance of that was found to be, over what is expected.
         """
         offset_ma, sliding_ma, static_ma = (math.sqrt(changes) * sigma_ma for sigma_ma in self._changes_ma())
-        friction = (0.0, 0.0, sliding_ma, static_ma, 0.0, 0.0, 0.0)
-        numbers = self.numbers.widened(OFFSET, offset_ma * offset_ma).changed(friction)
-        landings = tuple(replace(landing, weight=_AGED * landing.weight) for landing in self.landings)
+        common, own = math.sqrt(_COMMON), 1.0 - _COMMON
+        numbers = self.numbers.widened(OFFSET, offset_ma * offset_ma)
+        numbers = numbers.changed((0.0, 0.0, common * sliding_ma, common * static_ma, 0.0, 0.0, 0.0))
+        numbers = numbers.widened(SLIDING, own * sliding_ma * sliding_ma).widened(STATIC, own * static_ma * static_ma)
+        landings = tuple([replace(landing, weight=_AGED * landing.weight) for landing in self.landings])
         other = None if self.other is None else self.other.after_move(changes)
         return replace(self, numbers=numbers, landings=landings, other=other)
 
@@ -301,9 +305,11 @@ class ValveBelief:
 
     def change_m2(self, line: tuple[float, ...]) -> float:
         """Return the variance of a stop by what a move is expected to change; line: its derivatives."""
-        offset_ma, sliding_ma, static_ma = self._changes_ma()
-        by_offset_m, by_friction_m = line[1] * offset_ma, line[2] * sliding_ma + line[3] * static_ma
-        return by_offset_m * by_offset_m + by_friction_m * by_friction_m
+        offset_m, sliding_m, static_m = (
+            slope * sigma_ma for slope, sigma_ma in zip(line[1:4], self._changes_ma(), strict=True)
+        )
+        together_m, own_m2 = sliding_m + static_m, sliding_m * sliding_m + static_m * static_m
+        return offset_m * offset_m + _COMMON * together_m * together_m + (1.0 - _COMMON) * own_m2
 
     @property
     def roams_ma2_per_m(self) -> float:
@@ -312,7 +318,7 @@ class ValveBelief:
         return 2.0 * sliding_ma * sliding_ma / _NEAR_M
 
     def _changes_ma(self) -> tuple[float, float, float]:
-        """Return σ of what a move is expected to change of c, f_c and f_s; worn packing changes both frictions."""
+        """Return σ of what a move is expected to change of c, f_c and f_s."""
         offset_ma = self.drift * (_OFFSET_DRIFT_MA + _DRIFT * self.sliding_ma)
         frictions_ma = (self.sliding_ma, self.static_ma)
         sliding_ma, static_ma = (self.drift * (_DRIFT * friction_ma + _DRIFT_MA) for friction_ma in frictions_ma)

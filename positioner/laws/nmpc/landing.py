@@ -108,7 +108,7 @@ class MoveEnds:
                 memory = replace(memory, lessons=(lesson_of(belief, landing, self.judge.valve),))
         elif not is_held and direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
             memory = replace(memory, failed=memory.failed + 1)
-            if self.judge.stands(moved_m, sigma_m):
+            if self.judge.stands(max(direction * moved_m, 0.0), sigma_m):  # nor has it where a force moved it back
                 return memory.held(belief.held(position_m, direction, move.level_ma))
         return replace(memory, belief=belief)
 

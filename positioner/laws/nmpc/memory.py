@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from positioner.valve.pressure import PressureState
     from positioner.valve.stiction import LearnedSample
 
+_SAME_MA = 0.05
+"""Less turns no push round, which takes the friction of both directions; what was learned changes a level, too."""
+
 
 @dataclass(frozen=True, slots=True)
 class Move:
@@ -51,9 +54,9 @@ class Move:
 
     @property
     def pushes(self) -> float:
-        """Direction in which its level pushes the stem, ±1; the same level again pushes on."""
+        """Direction in which its level pushes the stem, ±1; nearly the same level again pushes on."""
         change_ma = self.level_ma - self.before_ma
-        return math.copysign(1.0, change_ma) if change_ma else self.direction
+        return math.copysign(1.0, change_ma) if abs(change_ma) > _SAME_MA else self.direction
 
 
 @dataclass(frozen=True, slots=True)

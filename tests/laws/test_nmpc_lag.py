@@ -123,7 +123,9 @@ def test_a_lag_is_believed_with_a_doubt_of_a_part_and_a_millisecond(told_ms: flo
     assert 1e3 * belief.lag_s == pytest.approx(told_ms)
     assert sigma_ms == pytest.approx(math.hypot(0.12 * told_ms, 1.0))
     longer = belief.within(belief.numbers.with_mean((*belief.numbers.mean[:LAG], 5.0, 0.0, 0.0)))
-    assert math.exp(longer.mean[LAG]) == pytest.approx(1e-3 * (told_ms + 1.0) * math.exp(0.7))  # twice at a time
+    most = max(0.7, 2.0 * math.sqrt(belief.numbers.variances[LAG]))  # twice at a time, or two σ
+    assert math.exp(longer.mean[LAG]) == pytest.approx(1e-3 * (told_ms + 1.0) * math.exp(most))
+    assert math.exp(most) == pytest.approx({0.0: math.exp(2.0), 1.0: 2.74}.get(told_ms, math.exp(0.7)), rel=0.01)
     shorter = belief.within(belief.numbers.with_mean((*belief.numbers.mean[:LAG], -50.0, 0.0, -0.1)))
     assert math.exp(shorter.mean[LAG]) == pytest.approx(1e-3 * max((told_ms + 1.0) * math.exp(-0.7), 1.0))
     assert shorter.mean[DEAD_TIME] == 0.0

@@ -34,6 +34,7 @@ from positioner.valve.state import StemState
 from positioner.valve.stiction import Quantity, StictionTable
 
 if TYPE_CHECKING:
+    from positioner.laws.nmpc.braking import Braking
     from positioner.laws.nmpc.memory import NmpcMemory
 
 PERIOD_S = 1e-3
@@ -461,20 +462,29 @@ def test_one_way_shows_a_lag_that_nobody_has_configured(lag_s: float) -> None:
     assert theta_of(told)[3] == pytest.approx(found.numbers.mean[3], rel=0.05)
 
 
+def after_way(told: ValveParameters, true: ValveParameters, samples: int, late: int = 0) -> tuple[Braking, NmpcMemory]:
+    """Return the braking of a law and its memory at the end of a whole way upwards that it has read.
+
+    late: samples for which the command does not act.
+    """
+    estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
+    law = nmpc_law(told, estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
+    assert law.braking is not None
+    memory, before_ma = law.begin(0.06), theta_of(told)[0] * 0.06
+    stem, way = EulerValve(true, 0.06, before_ma), Way(law.plant.actuator.at_rest(before_ma), 0.06)
+    for sample in range(samples):
+        way = way.read(18.0, stem.sample(before_ma if sample < late else 18.0))
+    move = replace(memory.move, stage=Stage.LAND, direction=1.0, start_m=0.06, start_m2=1e-10, target_m=stem.x)
+    braked = replace(memory.braked, way=way)
+    return law.braking, replace(memory, move=move, position_m=stem.x, position_m2=1e-10, braked=braked)
+
+
 @pytest.mark.parametrize(("is_lag_known", "low_s", "high_s"), [(False, 0.018, 0.022), (True, 0.010, 0.014)])
 def test_a_lag_of_twice_the_configured_one_is_found_before_friction_makes_up_for_it(
     is_lag_known: bool, low_s: float, high_s: float
 ) -> None:
-    estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
-    law = nmpc_law(valve_of(0.01), estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
-    assert law.braking is not None
-    stem, memory = EulerValve(valve_of(0.02), 0.06, theta_of(valve_of(0.01))[0] * 0.06), law.begin(0.06)
-    way = Way(law.plant.actuator.at_rest(stem.p), 0.06)
-    for _ in range(300):
-        way = way.read(18.0, stem.sample(18.0))
-    move = replace(memory.move, stage=Stage.LAND, direction=1.0, start_m=0.06, start_m2=1e-10, target_m=stem.x)
-    memory = replace(memory, position_m=stem.x, position_m2=1e-10, braked=replace(memory.braked, way=way))
-    after = law.braking.studied(replace(memory, move=move, is_lag_known=is_lag_known))
+    law, memory = after_way(valve_of(0.01), valve_of(0.02), 300)
+    after = law.studied(replace(memory, is_lag_known=is_lag_known))
     assert low_s < after.belief.lag_s < high_s
 
 
@@ -643,23 +653,13 @@ def test_ways_that_are_explained_well_make_the_next_ones_more_certain() -> None:
 def test_a_way_that_is_not_explained_well_makes_planned_stops_as_unsure(
     late_s: float, least_m: float, most_m: float
 ) -> None:
-    estimator = EstimatorSettings(noise_of_span=0.0005, noise_of_reading=0.0)
-    law = nmpc_law(valve_of(0.05), estimator, (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
-    assert law.braking is not None
-    stem = EulerValve(valve_of(0.05), 0.06, theta_of(valve_of(0.05))[0] * 0.06)
-    memory, before_ma = law.begin(0.06), stem.p
-    way = Way(law.plant.actuator.at_rest(before_ma), 0.06)
-    for sample in range(500):
-        way = way.read(18.0, stem.sample(before_ma if sample < round(late_s / PERIOD_S) else 18.0))
-    move = replace(memory.move, stage=Stage.LAND, direction=1.0, start_m=0.06, start_m2=1e-10, target_m=stem.x)
-    memory = replace(memory, position_m=stem.x, position_m2=1e-10, is_lag_known=True)
-    braked = replace(memory.braked, way=way)
-    known = memory.belief.numbers
+    law, memory = after_way(valve_of(0.05), valve_of(0.05), 500, round(late_s / PERIOD_S))
+    known, braked = memory.belief.numbers, memory.braked
     for place in (3, 4, 6):  # static friction, lag and dead time are as told
         known = known.widened(place, -0.9999 * known.variances[place])
     belief = replace(memory.belief, numbers=known)
-    after = law.braking.studied(replace(memory, move=move, braked=braked, belief=belief)).braked
-    assert least_m <= math.sqrt(after.planned) * (stem.x - 0.06) < most_m
+    after = law.studied(replace(memory, belief=belief, is_lag_known=True)).braked
+    assert least_m <= math.sqrt(after.planned) * (memory.position_m - 0.06) < most_m
     assert after.reading_m2 == braked.reading_m2
 
 
@@ -667,17 +667,10 @@ def test_a_way_that_is_not_explained_well_makes_planned_stops_as_unsure(
 def test_only_planned_stops_that_are_where_they_should_be_are_a_reason_to_trust_planned_ones(
     is_planned: bool, planned: float
 ) -> None:
-    law = nmpc_law(valve_of(0.05), EstimatorSettings(), (4.0, 20.0), PERIOD_S, 0.0, solver=QpSolver(KNOTS, KNOTS))
-    assert law.braking is not None
-    stem, memory = EulerValve(valve_of(0.05), 0.06, theta_of(valve_of(0.05))[0] * 0.06), law.begin(0.06)
-    way = Way(law.plant.actuator.at_rest(stem.p), 0.06)
-    for _ in range(500):
-        way = way.read(18.0, stem.sample(18.0))
-    slip = plan_of(valve_of(0.05), task_of(valve_of(0.05), 0.06, stem.x)) if is_planned else None
-    move = replace(memory.move, direction=1.0, start_m=0.06, start_m2=1e-10, target_m=stem.x, slip=slip)
-    braked = replace(memory.braked, way=way, planned=0.7 * 0.7)
-    memory = replace(memory, position_m=stem.x, position_m2=1e-10, is_lag_known=True, braked=braked, move=move)
-    after = law.braking.studied(memory).braked
+    law, memory = after_way(valve_of(0.05), valve_of(0.05), 500)
+    slip = plan_of(valve_of(0.05), task_of(valve_of(0.05), 0.06, memory.position_m)) if is_planned else None
+    move, braked = replace(memory.move, slip=slip), replace(memory.braked, planned=0.7 * 0.7)
+    after = law.studied(replace(memory, is_lag_known=True, braked=braked, move=move)).braked
     assert after.planned == pytest.approx(planned, rel=1e-3)
 
 

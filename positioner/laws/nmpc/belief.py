@@ -240,8 +240,11 @@ class ValveBelief:
 
     def landing_ma(self, position_m: float, direction: float) -> float:
         """Return the pressure under which a stem that slides in `direction` stops at a place."""
-        plain_ma = self.balance_ma(position_m) + direction * self.sliding_ma
-        return plain_ma + self.local_ma(position_m, direction)
+        return self.plain_ma(position_m, direction) + self.local_ma(position_m, direction)
+
+    def plain_ma(self, position_m: float, direction: float) -> float:
+        """Return that pressure where friction is the same all along the travel."""
+        return self.balance_ma(position_m) + direction * self.sliding_ma
 
     def local_ma(self, position_m: float, direction: float) -> float:
         """Return how much more pressure the last landings near a place took than the whole valve does."""
@@ -252,8 +255,7 @@ class ValveBelief:
             apart = (landing.position_m - position_m) / _NEAR_M
             weight = landing.weight * math.exp(-0.5 * apart * apart)
             weights += weight
-            plain_ma = self.balance_ma(landing.position_m) + direction * self.sliding_ma
-            more_ma += weight * (landing.pressure_ma - plain_ma)
+            more_ma += weight * (landing.pressure_ma - self.plain_ma(landing.position_m, direction))
         return more_ma / (weights + _PLAIN)
 
     def landing_sigma_m(self, position_m: float, direction: float) -> float:

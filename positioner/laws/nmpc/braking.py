@@ -268,14 +268,13 @@ class Braking:
 
         That is asked until a way has shown the lag. Later on friction has been believed that makes up for a wrong lag.
         """
-        way, reading_m2 = memory.braked.way, self.judge.reading_m2(memory, memory.position_m)
-        if way is None or memory.is_lag_known or found.left_m2 * way.size < reading_m2:
+        if memory.is_lag_known or found.left_m2 < found.noise_m2:
             return memory, found
-        belief = memory.belief.of_any_lag()
-        others = self._study(replace(memory, belief=belief))
-        if others is None or not others.is_explained or others.left_m2 > _LIKELIER * found.left_m2:
+        other = replace(memory, belief=memory.belief.of_any_lag())
+        others = self._study(other)
+        if others is None or not _is_far_better(others, found):
             return memory, found
-        return replace(memory, belief=belief), others
+        return other, others
 
     def _weighed(self, memory: NmpcMemory, found: Studied) -> tuple[NmpcMemory, Studied]:
         """Return the memory with the likelier hypothesis, and what the way of a move teaches of it.
@@ -309,7 +308,7 @@ class Braking:
         if not found.is_explained:
             return other
         others = self._study(other)
-        is_better = others is not None and others.left_m2 < _LIKELIER * found.left_m2
+        is_better = others is not None and _is_far_better(others, found)
         return other if is_better else self._taught_by(memory, found)
 
     def _taught_by(self, memory: NmpcMemory, found: Studied) -> NmpcMemory:
@@ -391,6 +390,11 @@ class Braking:
         """Return the memory after a stop that was braked by reading."""
         least_m, after_m2 = _OWN * self.judge.valve.span_m, _after_miss(memory.braked.reading_m2, missed_m * missed_m)
         return replace(memory, braked=replace(memory.braked, reading_m2=max(after_m2, least_m * least_m)))
+
+
+def _is_far_better(others: Studied, found: Studied) -> bool:
+    """Whether one belief explains a way, and by far better than another."""
+    return others.is_explained and others.left_m2 < _LIKELIER * found.left_m2
 
 
 def _after_miss(own_m2: float, square_m2: float, known_m2: float = 0.0) -> float:

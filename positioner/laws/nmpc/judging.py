@@ -73,10 +73,6 @@ class Judge:
         """Return the difference of two means, whose σ is given, that says that the stem has moved."""
         return max(_MOVED * sigma_m, _MOVED_M) + self.valve.backlash_m
 
-    def stands(self, moved_m: float, sigma_m: float) -> bool:
-        """Whether this difference of two means, whose σ is given, may be that of a stem that has not moved."""
-        return abs(moved_m) < _MOVED * sigma_m + _MOVED_M + self.valve.backlash_m
-
     def near_ma(self, memory: NmpcMemory) -> float:
         """Return how near to its level the pressure must be: where the stem can be judged."""
         move, spring = memory.move, memory.belief.spring_ma_per_m

@@ -107,9 +107,8 @@ class MoveEnds:
             if self.keeps and move.stage is Stage.LAND:
                 memory = replace(memory, lessons=(lesson_of(belief, landing, self.judge.valve),))
         elif not is_held and direction * (move.level_ma - belief.balance_ma(position_m)) > _PUSHED * belief.static_ma:
-            memory = replace(memory, failed=memory.failed + 1)
-            if self.judge.stands(max(direction * moved_m, 0.0), sigma_m):  # nor has it where a force moved it back
-                return memory.held(belief.held(position_m, direction, move.level_ma))
+            memory = replace(memory, failed=memory.failed + 1)  # also where a force moved it back
+            return memory.held(belief.held(position_m, direction, move.level_ma))
         return replace(memory, belief=belief)
 
     def carried(self, memory: NmpcMemory, moved_m: float, from_m2: float) -> NmpcMemory:

@@ -132,10 +132,11 @@ def steps_to(
     least = math.inf
     jump_m, doubt_m, missed_m = belief.jump_m, belief.jump_doubt_m, _MISSED * (limits.high_m - limits.low_m)
     for direction, least_m in zip((1.0, -1.0), from_m, strict=True):
-        weaker_m = _weaker_m(belief, setpoint_m, direction)
+        local_ma = belief.local_ma(setpoint_m, direction)
+        weaker_m = _weaker_m(belief, local_ma, direction)
         begins_m = max((through + _AWAY) * jump_m + doubt_m + weaker_m + _MORE_M, least_m)
         land = Step(Stage.LAND, setpoint_m, direction)
-        excess = _BEYOND * limits.excess_ma(belief.landing_ma(setpoint_m, direction))
+        excess = _BEYOND * limits.excess_ma(belief.plain_ma(setpoint_m, direction) + local_ma)
         distance_m = direction * (setpoint_m - position_m)
         if distance_m > (through + _FAR) * jump_m + doubt_m + weaker_m:
             steps, way = (land,), distance_m + excess
@@ -197,13 +198,14 @@ def waits_s(number: int, *, moves: bool) -> float:
 
 def can_follow(belief: ValveBelief, position_m: float, step: Step, through: float) -> bool:
     """Return whether a move that begins at a place is long enough for the stem to stop at its target."""
-    least_m = through * belief.jump_m + 0.5 * belief.jump_doubt_m + _weaker_m(belief, step.target_m, step.direction)
+    weaker_m = _weaker_m(belief, belief.local_ma(step.target_m, step.direction), step.direction)
+    least_m = through * belief.jump_m + 0.5 * belief.jump_doubt_m + weaker_m
     return step.direction * (step.target_m - position_m) > least_m
 
 
-def _weaker_m(belief: ValveBelief, target_m: float, direction: float) -> float:
-    """Return how much farther away a move must begin, since friction near its target is less than the valve's."""
-    return max(-direction * belief.local_ma(target_m, direction) / belief.spring_ma_per_m, 0.0)
+def _weaker_m(belief: ValveBelief, local_ma: float, direction: float) -> float:
+    """Return how much farther away a move must begin whose target has less friction than the valve: local_ma more."""
+    return max(-direction * local_ma / belief.spring_ma_per_m, 0.0)
 
 
 def margin_m(belief: ValveBelief) -> float:

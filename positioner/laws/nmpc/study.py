@@ -126,14 +126,16 @@ class Linear:
 class Studied:
     """What a way has taught: the numbers, and whether they explain it.
 
-    left_m2: mean square of what they leave of the way, beside noise; left_part: over the variance of the rollout, at
-    most 1. gone_m: the length of the way; missed_m: its end less where it was expected before the move; line: how that
-    depends on the numbers. fit: the way around the numbers that explain it; variance_m2: of a block beside it.
+    left_m2: mean square of what they leave of the way, beside noise_m2, that of the readings; left_part: over the
+    variance of the rollout, at most 1. gone_m: the length of the way; missed_m: its end less where it was expected
+    before the move; line: how that depends on the numbers. fit: the way around the numbers that explain it;
+    variance_m2: of a block beside it.
     """
 
     numbers: Gaussian
     is_explained: bool
     left_m2: float
+    noise_m2: float
     left_part: float
     gone_m: float
     missed_m: float
@@ -199,7 +201,7 @@ class Study:
         left_m2, variance_m2 = max(fit.square_m2 - noise_m2, 0.0), seen_m2(fit)
         found = within(fit.step(numbers, variance_m2)[0])
         missed_m, part = end_m - first.end_m, min(left_m2 / own_m2, 1.0)
-        return Studied(found, left_m2 < own_m2, left_m2, part, gone_m, missed_m, first.line, fit, variance_m2)
+        return Studied(found, left_m2 < own_m2, left_m2, noise_m2, part, gone_m, missed_m, first.line, fit, variance_m2)
 
     def _gone_m(self, end_m: float) -> float:
         """Return the length of the way, there and back."""
